@@ -1,0 +1,33 @@
+"""Checks of what comes in from outside, each with one clear message."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+class InputError(ValueError):
+    """Bad input: the message names the file, key or argument and what was expected instead."""
+
+
+def check_points(points, name: str = "points", dimension: int | None = None, allow_empty: bool = False) -> np.ndarray:
+    """`points` as a finite (N, D) float64 array, D 2 or 3 (or `dimension`); an `InputError` otherwise."""
+    try:
+        points = np.asarray(points, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: expected an (N, D) array of numbers, got {type(points).__name__}") from error
+    wanted = f"(N, {dimension})" if dimension else "(N, 2) or (N, 3)"
+    if points.ndim != 2 or points.shape[1] not in ((dimension,) if dimension else (2, 3)):
+        raise InputError(f"{name}: expected shape {wanted}, got {points.shape}")
+    if not allow_empty and len(points) == 0:
+        raise InputError(f"{name}: expected at least one point, got none")
+    finite = np.isfinite(points).all(axis=1)
+    if not finite.all():
+        raise InputError(f"{name}: expected finite coordinates, got {np.count_nonzero(~finite)} of {len(points)} points with NaN or inf")
+    return points
+
+
+def check_positive(value: float, name: str) -> float:
+    """`value` as a positive finite float; an `InputError` otherwise."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value) or value <= 0:
+        raise InputError(f"{name}: expected a positive number, got {value!r}")
+    return float(value)

@@ -1,0 +1,1 @@
+"""Estimators that are fitted on a cloud and answer p(occupied) at any points."""

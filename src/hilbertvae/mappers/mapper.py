@@ -1,0 +1,80 @@
+"""The contract of every mapper: a scikit-learn classifier of points into free and occupied.
+
+A new mapper subclasses `Mapper`, takes its settings as keyword arguments of `__init__` (stored unchanged under their own names),
+and implements `_fit` and `_probability`. Everything else (checks, labels, chunks, `predict`) stands here once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from hilbertvae.checks import InputError
+
+OCCUPIED_ABOVE = 0.6
+"""Occupied if p > 0.6 (paper, section IV)."""
+FREE_BELOW = 0.4 + 1e-6
+"""Free if p <= 0.4; the slack takes in OctoMap's single miss, which is 0.4000 in float32 (METHOD 6)."""
+
+
+class Mapper(ClassifierMixin, BaseEstimator):
+    """Base of the mappers. `fit(points (N, D), occupied (N,), sample_weight=None)`, `predict_proba(queries (Q, D)) -> (Q, 2)`."""
+
+    chunk = 200_000
+    """Queries answered at once; bounds memory, changes no answer."""
+    needs_both_classes = True
+    """Whether a cloud with one label only is refused. A mapper of hits alone overrides this."""
+
+    def fit(self, points, occupied, sample_weight=None):
+        """Fit on `points (N, D)` in metres with `occupied (N,)` bool and, if given, `sample_weight (N,)` counts.
+
+        Raises `InputError` (a ValueError) for an empty cloud, NaN, a wrong shape, or one class only.
+        """
+        points, occupied = self._checked(points, occupied)
+        weight = _check_sample_weight(sample_weight, points, dtype=np.float64, ensure_non_negative=True)
+        self.classes_, label = np.unique(occupied, return_inverse=True)
+        if len(self.classes_) > 2:
+            raise InputError(f"occupied: Only binary classification is supported, got {len(self.classes_)} labels; expected free and occupied")
+        if len(self.classes_) < 2:
+            if self.needs_both_classes or self.classes_.dtype != bool:
+                raise InputError(f"occupied: expected both free and occupied points, got one class only: {self.classes_.tolist()}")
+            label = self.classes_[label].astype(int)
+            self.classes_ = np.array([False, True])
+        self._fit(points, label.astype(bool), weight)
+        return self
+
+    def predict_proba(self, queries) -> np.ndarray:
+        """(Q, 2) float64: the probabilities of free and of occupied at `queries (Q, D)`, each answered alone."""
+        check_is_fitted(self)
+        queries = self._checked(queries)
+        occupied = np.empty(len(queries))
+        for start in range(0, len(queries), self.chunk):
+            occupied[start : start + self.chunk] = self._probability(queries[start : start + self.chunk])
+        return np.column_stack([1.0 - occupied, occupied])
+
+    def predict(self, queries) -> np.ndarray:
+        """(Q,) the likelier class of each query; unknown (0.5) counts as free."""
+        return self.classes_[(self.predict_proba(queries)[:, 1] > 0.5).astype(int)]
+
+    def _checked(self, points, occupied=None):
+        arguments = {"dtype": np.float64, "ensure_min_samples": 1 if occupied is not None else 0}
+        try:
+            if occupied is None:
+                return validate_data(self, points, reset=False, **arguments)
+            return validate_data(self, points, occupied, reset=True, **arguments)
+        except ValueError as error:
+            raise InputError(f"points, occupied: {error}" if occupied is not None else f"queries: {error}") from error
+
+    def _fit(self, points: np.ndarray, occupied: np.ndarray, weight: np.ndarray) -> None:
+        """Fit on checked arrays: (N, D) float64, (N,) bool, (N,) float64. Sets attributes that end in `_`."""
+        raise NotImplementedError
+
+    def _probability(self, queries: np.ndarray) -> np.ndarray:
+        """(Q,) p(occupied) of checked (Q, D) queries."""
+        raise NotImplementedError
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.classifier_tags.multi_class = False
+        return tags

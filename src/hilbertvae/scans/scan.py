@@ -1,0 +1,50 @@
+"""Laser scans in one map frame: what every reader returns and the simulator makes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hilbertvae.checks import InputError, check_points
+
+HELD_OUT_EVERY = 10
+"""Each tenth beam is given to no mapper and scores what was observed (METHOD 7)."""
+
+
+@dataclass(frozen=True)
+class Scans:
+    """The returns of one drive, in the order of travel. Beams without a return are not here.
+
+    points: (N, D) float64, metres, map frame: where each beam ended.
+    origins: (N, D) float64, metres, map frame: where each beam started.
+    scan: (N,) int32, the sweep a return belongs to, not decreasing.
+    beam: (N,) int32, the beam's number within its sweep.
+    """
+
+    points: np.ndarray
+    origins: np.ndarray
+    scan: np.ndarray
+    beam: np.ndarray
+
+    def __post_init__(self):
+        check_points(self.points, "scans.points", allow_empty=True)
+        check_points(self.origins, "scans.origins", dimension=self.points.shape[1], allow_empty=True)
+        lengths = {len(self.points), len(self.origins), len(self.scan), len(self.beam)}
+        if len(lengths) > 1:
+            raise InputError(f"scans: expected points, origins, scan and beam of one length, got {sorted(lengths)}")
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def dimension(self) -> int:
+        return self.points.shape[1]
+
+    def select(self, chosen: np.ndarray) -> Scans:
+        """The returns at `chosen`, a mask or indices."""
+        return Scans(self.points[chosen], self.origins[chosen], self.scan[chosen], self.beam[chosen])
+
+    def held_out(self) -> np.ndarray:
+        """(N,) bool: the returns of each tenth beam, a different tenth in each sweep so that no bearing is always missing."""
+        return (self.beam + self.scan) % HELD_OUT_EVERY == 0
