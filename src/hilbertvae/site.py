@@ -1,0 +1,74 @@
+"""One place that was mapped, with its three fixed clouds and what is held out of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hilbertvae.cloud import RESOLUTION_M, Cloud, fit_cloud, points_cloud, voxel_cloud, voxel_index
+from hilbertvae.scans.scan import Scans
+
+
+@dataclass(frozen=True)
+class Site:
+    """A site's scans and, made when first asked for, the clouds of METHOD 1 and 7. Seed 0 fixes the `points` cloud."""
+
+    name: str
+    scans: Scans
+    resolution_m: float = 0.0
+
+    def __post_init__(self):
+        if not self.resolution_m:
+            object.__setattr__(self, "resolution_m", RESOLUTION_M[self.scans.dimension])
+
+    @property
+    def dimension(self) -> int:
+        return self.scans.dimension
+
+    @cached_property
+    def whole(self) -> Cloud:
+        """The `fit` cloud of every beam: what a training site offers."""
+        return fit_cloud(self.scans, self.resolution_m)
+
+    @cached_property
+    def fit(self) -> Cloud:
+        """The `fit` cloud without each tenth beam: what every mapper is given."""
+        return fit_cloud(self.scans.select(~self.scans.held_out()), self.resolution_m)
+
+    @cached_property
+    def voxels(self) -> Cloud:
+        """One point per voxel seen by any beam."""
+        return voxel_cloud(self.scans, self.resolution_m)
+
+    @cached_property
+    def voxels_held_out(self) -> np.ndarray:
+        """(V,) bool: the voxels that a held-out beam crossed or ended in."""
+        return self._seen_by(self.scans.held_out())
+
+    @cached_property
+    def voxels_fitted(self) -> np.ndarray:
+        """(V,) bool: the voxels that a fitted beam crossed or ended in."""
+        return self._seen_by(~self.scans.held_out())
+
+    @cached_property
+    def points(self) -> Cloud:
+        """Returns and a few free points per beam, of every beam."""
+        return self._points[0]
+
+    @cached_property
+    def points_held_out(self) -> np.ndarray:
+        """(N,) bool: the points of held-out beams."""
+        return self.scans.held_out()[self._points[1]]
+
+    @cached_property
+    def _points(self) -> tuple[Cloud, np.ndarray]:
+        return points_cloud(self.scans, self.resolution_m)
+
+    def _seen_by(self, beams: np.ndarray) -> np.ndarray:
+        seen = voxel_index(voxel_cloud(self.scans.select(beams), self.resolution_m).points, self.resolution_m)
+        every = voxel_index(self.voxels.points, self.resolution_m)
+        low = every.min(axis=0)
+        shape = tuple(every.max(axis=0) - low + 1)
+        return np.isin(np.ravel_multi_index(tuple((every - low).T), shape), np.ravel_multi_index(tuple((seen - low).T), shape))
