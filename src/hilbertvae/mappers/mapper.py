@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from sklearn.base import BaseEstimator, ClassifierMixin
+from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from hilbertvae.checks import InputError
@@ -19,26 +20,26 @@ FREE_BELOW = 0.4 + 1e-6
 
 
 class Mapper(ClassifierMixin, BaseEstimator):
-    """Base of the mappers. `fit(points (N, D), occupied (N,), sample_weight=None)`, `predict_proba(queries (Q, D)) -> (Q, 2)`."""
+    """Base of the mappers. `fit(points (N, D), y (N,), sample_weight=None)`, `predict_proba(queries (Q, D)) -> (Q, 2)`."""
 
     chunk = 200_000
     """Queries answered at once; bounds memory, changes no answer."""
     needs_both_classes = True
     """Whether a cloud with one label only is refused. A mapper of hits alone overrides this."""
 
-    def fit(self, points, occupied, sample_weight=None):
-        """Fit on `points (N, D)` in metres with `occupied (N,)` bool and, if given, `sample_weight (N,)` counts.
+    def fit(self, points, y, sample_weight=None):
+        """Fit on `points (N, D)` in metres with labels `y (N,)`, the greater of which means occupied (False/True, 0/1, -1/+1).
 
+        sample_weight: (N,) how many samples each point stands for; one each unless given. Points of weight 0 are left out.
         Raises `InputError` (a ValueError) for an empty cloud, NaN, a wrong shape, or one class only.
         """
-        points, occupied = self._checked(points, occupied)
-        weight = _check_sample_weight(sample_weight, points, dtype=np.float64, ensure_non_negative=True)
-        self.classes_, label = np.unique(occupied, return_inverse=True)
+        points, y, weight = self._checked_cloud(points, y, sample_weight)
+        self.classes_, label = np.unique(y, return_inverse=True)
         if len(self.classes_) > 2:
-            raise InputError(f"occupied: Only binary classification is supported, got {len(self.classes_)} labels; expected free and occupied")
+            raise InputError(f"y: Only binary classification is supported, got {len(self.classes_)} labels; expected free and occupied")
         if len(self.classes_) < 2:
             if self.needs_both_classes or self.classes_.dtype != bool:
-                raise InputError(f"occupied: expected both free and occupied points, got one class only: {self.classes_.tolist()}")
+                raise InputError(f"y: expected both free and occupied points, got one class only: {self.classes_.tolist()}")
             label = self.classes_[label].astype(int)
             self.classes_ = np.array([False, True])
         self._fit(points, label.astype(bool), weight)
@@ -55,16 +56,26 @@ class Mapper(ClassifierMixin, BaseEstimator):
 
     def predict(self, queries) -> np.ndarray:
         """(Q,) the likelier class of each query; unknown (0.5) counts as free."""
-        return self.classes_[(self.predict_proba(queries)[:, 1] > 0.5).astype(int)]
+        occupied = self.predict_proba(queries)[:, 1] > 0.5
+        return self.classes_[occupied.astype(int)]
 
-    def _checked(self, points, occupied=None):
-        arguments = {"dtype": np.float64, "ensure_min_samples": 1 if occupied is not None else 0}
+    def _checked_cloud(self, points, y, sample_weight):
         try:
-            if occupied is None:
-                return validate_data(self, points, reset=False, **arguments)
-            return validate_data(self, points, occupied, reset=True, **arguments)
+            points, y = validate_data(self, points, y, dtype=np.float64)
+            check_classification_targets(y)
+            weight = _check_sample_weight(sample_weight, points, dtype=np.float64, ensure_non_negative=True)
         except ValueError as error:
-            raise InputError(f"points, occupied: {error}" if occupied is not None else f"queries: {error}") from error
+            raise InputError(f"points, y, sample_weight: {error}") from error
+        counts = weight > 0
+        if not counts.any():
+            raise InputError("sample_weight: expected positive weights, got zeros only")
+        return (points, y, weight) if counts.all() else (points[counts], y[counts], weight[counts])
+
+    def _checked(self, queries):
+        try:
+            return validate_data(self, queries, reset=False, dtype=np.float64, ensure_min_samples=0)
+        except ValueError as error:
+            raise InputError(f"queries: {error}") from error
 
     def _fit(self, points: np.ndarray, occupied: np.ndarray, weight: np.ndarray) -> None:
         """Fit on checked arrays: (N, D) float64, (N,) bool, (N,) float64. Sets attributes that end in `_`."""

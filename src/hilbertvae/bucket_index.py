@@ -1,0 +1,53 @@
+"""Which points lie in which boxes, for many boxes at once.
+
+Points are sorted into cubic buckets. The buckets of one row (all but the last axis fixed) are one run of the sorted points, so a box
+is a few runs, found by bisection and laid out with `repeat`: no Python loop over boxes or points.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+
+class BucketIndex:
+    """Search structure over `points (N, D)` with buckets of `size_m`; about half the size of the boxes asked for is a good choice."""
+
+    def __init__(self, points: np.ndarray, size_m: float):
+        self.size_m = size_m
+        self.points = points
+        self.low = points.min(axis=0) if len(points) else np.zeros(points.shape[1])
+        bucket = self._bucket(points)
+        self.shape = bucket.max(axis=0) + 1 if len(points) else np.ones(points.shape[1], np.int64)
+        key = np.ravel_multi_index(tuple(bucket.T), tuple(self.shape))
+        self.order = np.argsort(key, kind="stable")
+        self.keys = key[self.order]
+
+    def _bucket(self, points: np.ndarray) -> np.ndarray:
+        return np.floor((points - self.low) / self.size_m).astype(np.int64)
+
+    def in_boxes(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Pairs (box (P,), point (P,)) with `low[box] <= points[point] <= high[box]`, sorted by box. low, high: (B, D) metres."""
+        first = np.clip(self._bucket(low), 0, self.shape)
+        last = np.clip(self._bucket(high), -1, self.shape - 1)
+        rows = (last - first + 1)[:, :-1].max(axis=0, initial=0)
+        starts, ends, boxes = [], [], []
+        for step in itertools.product(*(range(max(count, 0)) for count in rows)):
+            row = first[:, :-1] + np.array(step, np.int64)
+            box = np.flatnonzero((row <= last[:, :-1]).all(axis=1) & (first <= last).all(axis=1))
+            key = np.ravel_multi_index((*row[box].T, first[box, -1]), tuple(self.shape))
+            starts.append(np.searchsorted(self.keys, key, "left"))
+            ends.append(np.searchsorted(self.keys, key + (last - first)[box, -1], "right"))
+            boxes.append(box)
+        if not boxes:
+            return np.empty(0, np.int64), np.empty(0, np.int64)
+        start, end, box = np.concatenate(starts), np.concatenate(ends), np.concatenate(boxes)
+        by_box = np.argsort(box, kind="stable")
+        start, end, box = start[by_box], end[by_box], box[by_box]
+        count = end - start
+        box = np.repeat(box, count)
+        position = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(start, count)
+        point = self.order[position]
+        inside = ((self.points[point] >= low[box]) & (self.points[point] <= high[box])).all(axis=1)
+        return box[inside], point[inside]

@@ -1,0 +1,60 @@
+"""From a cloud to the aligned grids of its clusters: the one way that training, mappers and pictures all take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hilbertvae.checks import InputError, check_positive
+from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
+from hilbertvae.clusters.quick_means import quick_means
+from hilbertvae.grids.aligned_grid import bin_points, vote
+from hilbertvae.grids.frame import Frames, FrameSettings, cluster_frames
+
+
+@dataclass
+class GridSettings:
+    """Clusters and their grids. The paper's are 64 cells of a 5 m cluster, majority votes, and the median, full, extent frame."""
+
+    cells: int = 64
+    """Cells along each axis of a grid."""
+    cluster_diameter_m: float = 6.4
+    """2 r_o of Quick-Means, and the side of the box: with 64 cells, cells of one 0.1 m voxel."""
+    inner_radius_m: float = 1.375
+    """r_i of Quick-Means: how far clusters stand apart; 0.55 of the paper's r_o."""
+    minimum_points: int = 10
+    """Occupied points that a cluster has more than."""
+    occupied_share: float = OCCUPIED_SHARE
+    """Share of hits from which on a cell is occupied; 0.5 is the paper's majority."""
+    frame: FrameSettings = field(default_factory=FrameSettings)
+
+    def check(self) -> None:
+        """An `InputError` that names the key for a value that makes no grid."""
+        check_positive(self.cluster_diameter_m, "grid.cluster_diameter_m")
+        check_positive(self.inner_radius_m, "grid.inner_radius_m")
+        if self.cells < 2:
+            raise InputError(f"grid.cells: expected at least 2, got {self.cells}")
+        if self.inner_radius_m > self.cluster_diameter_m / 2:
+            raise InputError(f"grid.inner_radius_m: expected at most half of cluster_diameter_m, got {self.inner_radius_m}")
+        if not 0 < self.occupied_share <= 1:
+            raise InputError(f"grid.occupied_share: expected a share in (0, 1], got {self.occupied_share}")
+
+    @property
+    def cell_m(self) -> float:
+        """The side of a cell in metres, where the scale is fixed."""
+        return self.cluster_diameter_m / self.cells
+
+
+def find_frames(cloud: Cloud, settings: GridSettings, seed: int) -> Frames:
+    """Quick-Means clusters of the cloud's occupied points, and their frames."""
+    returns = cloud.points[cloud.occupied]
+    if not len(returns):
+        raise InputError("cloud: expected occupied points to cluster, got none")
+    clusters = quick_means(returns, settings.cluster_diameter_m / 2, settings.inner_radius_m, settings.minimum_points, seed)
+    return cluster_frames(clusters, cloud, settings.cluster_diameter_m, settings.cell_m, settings.frame)
+
+
+def bin_grids(cloud: Cloud, frames: Frames, settings: GridSettings) -> np.ndarray:
+    """int8 grids (M, n, ..., n) of all points of the cloud in the frames' boxes."""
+    return vote(*bin_points(cloud, frames, settings.cells), settings.occupied_share)

@@ -1,0 +1,160 @@
+"""The frame of a cluster: translation, rotation and scale that align its grid (paper III-A, Eq. 9 and 13; METHOD 3).
+
+Rows are points: H = (G - centre) V / s, and back G = s H V^T + centre (Eq. 13 as printed has V^T on the wrong side).
+In the frame the grid's box is [-1/2, 1/2]^D.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hilbertvae.bucket_index import BucketIndex
+from hilbertvae.checks import InputError
+from hilbertvae.cloud import Cloud
+from hilbertvae.clusters.quick_means import Clusters
+
+
+@dataclass(frozen=True)
+class Frames:
+    """centre: (M, D) metres; rotation: (M, D, D), columns are the frame's axes; scale: (M,) metres, the side of the box."""
+
+    centre: np.ndarray
+    rotation: np.ndarray
+    scale: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.centre)
+
+    def into(self, points: np.ndarray, frame: np.ndarray) -> np.ndarray:
+        """`points (P, D)` in metres, each in the frame of number `frame (P,)`: Eq. 9."""
+        moved = points - self.centre[frame]
+        if not self.turned:
+            return moved / self.scale[frame, None]
+        return np.einsum("pd,pde->pe", moved, self.rotation[frame]) / self.scale[frame, None]
+
+    def back(self, points: np.ndarray, frame: np.ndarray) -> np.ndarray:
+        """From the frames to the map: Eq. 13, put right."""
+        return np.einsum("pe,pde->pd", points, self.rotation[frame]) * self.scale[frame, None] + self.centre[frame]
+
+    @property
+    def turned(self) -> bool:
+        """Whether any frame is rotated."""
+        return bool(np.any(self.rotation != np.eye(self.rotation.shape[-1])))
+
+    def boxes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Axis-parallel bounds (low, high), each (M, D) metres, of the boxes."""
+        half = np.abs(self.rotation).sum(axis=2) * self.scale[:, None] / 2
+        return self.centre - half, self.centre + half
+
+
+@dataclass
+class FrameSettings:
+    """How a cluster gets its frame. Faithful to the paper: median, full, extent. A gap turns and shifts that one (METHOD 3)."""
+
+    centre: str = "seed"
+    """`seed`: the cluster's seed, which a gap can't move; `median`: per-axis median of its returns."""
+    rotation: str = "none"
+    """`full`: eigenvectors of its returns; `yaw`: about the vertical only; `none`: axis-parallel."""
+    scale: str = "fixed"
+    """`fixed`: the box is the cluster's diameter; `extent`: the largest extent of its returns becomes 1."""
+
+    def __post_init__(self):
+        for name, allowed in (("centre", CENTRES), ("rotation", ROTATIONS), ("scale", SCALES)):
+            if getattr(self, name) not in allowed:
+                raise InputError(f"frame.{name}: expected one of {', '.join(allowed)}, got {getattr(self, name)!r}")
+
+
+def cluster_frames(clusters: Clusters, cloud: Cloud, diameter_m: float, snap_m: float, settings: FrameSettings) -> Frames:
+    """The frames of `clusters`, whose members index the occupied points of `cloud`.
+
+    An unturned box of fixed scale is moved onto the lattice of `snap_m` cells, so that one cell of it is one voxel of the map.
+    """
+    returns = cloud.points[cloud.occupied]
+    centre = CENTRES[settings.centre](clusters, returns)
+    rotation = ROTATIONS[settings.rotation](clusters, returns, cloud, diameter_m)
+    scale = SCALES[settings.scale](clusters, returns, centre, rotation, diameter_m)
+    frames = Frames(centre, rotation, scale)
+    if settings.scale == "fixed" and not frames.turned:
+        frames = Frames(np.round(centre / snap_m) * snap_m, rotation, scale)
+    return frames
+
+
+def _segments(clusters: Clusters) -> np.ndarray:
+    return np.repeat(np.arange(len(clusters)), np.diff(clusters.offsets))
+
+
+def _mean(values: np.ndarray, segment: np.ndarray, count: int) -> np.ndarray:
+    """Means (count, ...) of `values (P, ...)` by segment; 0 for an empty one."""
+    flat = values.reshape(len(values), -1)
+    total = np.stack([np.bincount(segment, weights=column, minlength=count) for column in flat.T], axis=1)
+    return (total / np.maximum(np.bincount(segment, minlength=count), 1)[:, None]).reshape(count, *values.shape[1:])
+
+
+def _seed(clusters: Clusters, returns: np.ndarray) -> np.ndarray:
+    return clusters.seeds
+
+
+def _median(clusters: Clusters, returns: np.ndarray) -> np.ndarray:
+    members = returns[clusters.members]
+    return np.stack([np.median(members[a:b], axis=0) for a, b in zip(clusters.offsets, clusters.offsets[1:], strict=False)])
+
+
+def _unturned(clusters: Clusters, returns: np.ndarray, cloud: Cloud, diameter_m: float) -> np.ndarray:
+    dimension = returns.shape[1]
+    return np.broadcast_to(np.eye(dimension), (len(clusters), dimension, dimension))
+
+
+def _full(clusters: Clusters, returns: np.ndarray, cloud: Cloud, diameter_m: float) -> np.ndarray:
+    return _eigenvectors(clusters, returns, cloud, diameter_m, axes=returns.shape[1])
+
+
+def _yaw(clusters: Clusters, returns: np.ndarray, cloud: Cloud, diameter_m: float) -> np.ndarray:
+    return _eigenvectors(clusters, returns, cloud, diameter_m, axes=2)
+
+
+def _eigenvectors(clusters: Clusters, returns: np.ndarray, cloud: Cloud, diameter_m: float, axes: int) -> np.ndarray:
+    """(M, D, D) proper rotations onto the eigenvectors of the returns' first `axes` coordinates, largest eigenvalue first.
+
+    Each axis points towards the centroid of the free space around the seed, which a gap seldom changes; the one on which the
+    centroid's side is least clear gives way where the rotation would otherwise be improper.
+    """
+    segment, count, dimension = _segments(clusters), len(clusters), returns.shape[1]
+    members = returns[clusters.members][:, :axes]
+    mean = _mean(members, segment, count)
+    centred = members - mean[segment]
+    covariance = _mean(centred[:, :, None] * centred[:, None, :], segment, count)
+    vectors = np.linalg.eigh(covariance)[1][:, :, ::-1]
+
+    free = cloud.points[~cloud.occupied][:, :axes]
+    radius = diameter_m / 2
+    seeds = clusters.seeds[:, :axes]
+    box, point = BucketIndex(free, radius).in_boxes(seeds - radius, seeds + radius)
+    near = np.linalg.norm(free[point] - seeds[box], axis=1) <= radius
+    side = np.einsum("md,mde->me", _mean(free[point[near]] - mean[box[near]], box[near], count), vectors)
+    vectors = vectors * np.where(side < 0, -1.0, 1.0)[:, None, :]
+    improper = np.flatnonzero(np.linalg.det(vectors) < 0)
+    vectors[improper, :, np.abs(side[improper]).argmin(axis=1)] *= -1
+
+    rotation = np.tile(np.eye(dimension), (count, 1, 1))
+    rotation[:, :axes, :axes] = vectors
+    return rotation
+
+
+def _fixed(clusters: Clusters, returns: np.ndarray, centre: np.ndarray, rotation: np.ndarray, diameter_m: float) -> np.ndarray:
+    return np.full(len(clusters), float(diameter_m))
+
+
+def _extent(clusters: Clusters, returns: np.ndarray, centre: np.ndarray, rotation: np.ndarray, diameter_m: float) -> np.ndarray:
+    """The largest extent of a cluster along its axes, on both sides of the centre, so that no return falls out of the box."""
+    segment = _segments(clusters)
+    turned = Frames(centre, rotation, np.ones(len(clusters))).into(returns[clusters.members], segment)
+    reach = np.zeros(len(clusters))
+    np.maximum.at(reach, segment, np.abs(turned).max(axis=1))
+    return np.maximum(2 * reach * (1 + 1e-9), 1e-3)
+
+
+CENTRES = {"seed": _seed, "median": _median}
+ROTATIONS = {"full": _full, "yaw": _yaw, "none": _unturned}
+SCALES = {"fixed": _fixed, "extent": _extent}

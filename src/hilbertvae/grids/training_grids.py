@@ -1,0 +1,49 @@
+"""Pairs of grids to learn from: what is left of a site after gaps, and the same boxes uncut (METHOD 3 and 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hilbertvae.cloud import fit_cloud
+from hilbertvae.gaps import random_gaps
+from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
+from hilbertvae.scans.scan import Scans
+
+
+@dataclass
+class ClusteringSettings:
+    """How a training site is clustered, once per seed (the paper: 20 times, without gaps)."""
+
+    clusterings: int = 20
+    gap_diameter_m: list[float] = field(default_factory=lambda: [1.5, 3.5])
+    """Range of the diameters of the gaps that each clustering cuts from its input; an empty list cuts none."""
+    turn: bool = True
+    """Each clustering but the first turns the site about the vertical by a random angle."""
+
+
+def turned(scans: Scans, angle_rad: float) -> Scans:
+    """The scans turned about the vertical axis through the map's origin."""
+    turn = np.eye(scans.dimension)
+    turn[:2, :2] = [[np.cos(angle_rad), np.sin(angle_rad)], [-np.sin(angle_rad), np.cos(angle_rad)]]
+    return Scans(scans.points @ turn, scans.origins @ turn, scans.scan, scans.beam)
+
+
+def training_grids(
+    scans: Scans, resolution_m: float, grid: GridSettings, clustering: ClusteringSettings, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(shown, target): int8 grids (M, n, ..., n) of one clustering, without and with what its gaps removed.
+
+    The gaps are cut by the evaluation's code before anything else, so that clusters and frames are those of a gapped site; the target
+    is the uncut site, binned in the same frames.
+    """
+    rng = np.random.default_rng([seed, 0x9A15])
+    if clustering.turn and seed:
+        scans = turned(scans, rng.uniform(0, 2 * np.pi))
+    whole = fit_cloud(scans, resolution_m)
+    cloud = whole
+    if clustering.gap_diameter_m:
+        cloud = random_gaps(whole, tuple(clustering.gap_diameter_m), resolution_m, seed).cut(whole)
+    frames = find_frames(cloud, grid, seed)
+    return bin_grids(cloud, frames, grid), bin_grids(whole, frames, grid)

@@ -1,0 +1,133 @@
+"""The Hilbert Map over aligned grids: CVAE-HM, CAE-HM, and the raw-grid HM without a reconstruction (paper II-A and III-C).
+
+fit: cloud -> clusters -> aligned grids -> reconstruction -> kernel values; predict: the K nearest grids that hold a query, and what
+was observed in its voxel, weighed by logistic regression.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import expit
+
+from hilbertvae.checks import InputError
+from hilbertvae.cloud import RESOLUTION_M, Cloud
+from hilbertvae.gaps import OUTSIDE, random_gaps
+from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
+from hilbertvae.grids.kernel import NONE, FrameIndex, kernel
+from hilbertvae.mappers.evidence import Evidence
+from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, unit_weights
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+
+EVIDENCE_FEATURES = 4
+HIDDEN_GAP_M = 2.5
+"""Diameter of the gaps that the `cluster` rule hides from the network while it fits its weights."""
+
+
+class HilbertMap(Mapper):
+    """A Hilbert Map whose features are grids, reconstructed by a network if there is one.
+
+    Parameters
+    ----------
+    reconstructor: a `Reconstructor`, or None for the raw grids (the paper's "naive approach").
+    weights: `rank` (learned on the validation site, kept with the network), `unit`, or `cluster` (refitted on this site).
+    calibration: the reading that `rank` weights were fitted on, `voxels` or `points`: a probability is calibrated for one of them.
+    neighbours: K, how many grids answer a query.
+    flips: symmetries over which a reconstruction is averaged, 1, 2, 4 or 8.
+    evidence: whether what was observed in a query's voxel is added; the paper's own map knows only its grids.
+    grid, resolution_m: as the network was trained, unless given.
+    """
+
+    def __init__(
+        self,
+        reconstructor: Reconstructor | None = None,
+        weights: str = "rank",
+        calibration: str = "voxels",
+        neighbours: int = 5,
+        flips: int = 4,
+        evidence: bool = True,
+        ridge: float = 30.0,
+        grid: GridSettings | None = None,
+        resolution_m: float | None = None,
+        seed: int = 0,
+        device: str = "cpu",
+    ):
+        self.reconstructor = reconstructor
+        self.weights = weights
+        self.calibration = calibration
+        self.neighbours = neighbours
+        self.flips = flips
+        self.evidence = evidence
+        self.ridge = ridge
+        self.grid = grid
+        self.resolution_m = resolution_m
+        self.seed = seed
+        self.device = device
+
+    def _fit(self, points, occupied, weight):
+        network = self.reconstructor
+        dimension = points.shape[1]
+        if dimension not in (2, 3):
+            raise InputError(f"points: expected 2 or 3 coordinates, got {dimension}")
+        if network is not None and network.dimension != dimension:
+            raise InputError(f"points: the network is for {network.dimension}D, got {dimension}D points")
+        self.grid_ = self.grid or (network.grid if network else GridSettings())
+        resolution_m = self.resolution_m or (network.resolution_m if network else RESOLUTION_M[dimension])
+        cloud = Cloud(points, occupied, weight)
+        self.evidence_ = Evidence(points, occupied, weight, resolution_m)
+        self.voxel_features_ = self.evidence_.features()
+        self.rank_weights_ = self._rank_weights()
+        self.frames_ = find_frames(cloud, self.grid_, self.seed)
+        self.index_ = FrameIndex(self.frames_)
+        self.factors_ = self._cluster_factors(cloud, resolution_m) if self.weights == "cluster" else None
+        self.grids_ = self._reconstruct(bin_grids(cloud, self.frames_, self.grid_))
+
+    def _rank_weights(self) -> RankWeights:
+        if self.weights == "unit":
+            return unit_weights(self.neighbours, EVIDENCE_FEATURES)
+        if self.weights not in ("rank", "cluster"):
+            raise InputError(f"weights: expected unit, rank or cluster, got {self.weights!r}")
+        learned = self.reconstructor.weights if self.reconstructor else {}
+        if self.calibration not in learned:
+            if self.calibration not in ("voxels", "points"):
+                raise InputError(f"calibration: expected voxels or points, got {self.calibration!r}")
+            return unit_weights(self.neighbours, EVIDENCE_FEATURES)  # a network whose weights were never learned; raw grids
+        weights = RankWeights.from_plain(learned[self.calibration])
+        if len(weights.unseen) != self.neighbours + 1:
+            raise InputError(f"neighbours: the weights were learned for {len(weights.unseen) - 1}, got {self.neighbours}")
+        return weights
+
+    def _reconstruct(self, grids: np.ndarray) -> np.ndarray:
+        if self.reconstructor is None:
+            return grids.astype(np.float32)
+        return self.reconstructor.reconstruct(grids, self.flips, device=self.device)
+
+    def _cluster_factors(self, cloud: Cloud, resolution_m: float) -> np.ndarray:
+        """The `cluster` rule's factors, from gaps hidden from the network for this fit alone: else copying would look like skill."""
+        gaps = random_gaps(cloud, HIDDEN_GAP_M, resolution_m, seed=self.seed)
+        part = gaps.part(cloud.points)
+        hidden = bin_grids(cloud.select(part == OUTSIDE), self.frames_, self.grid_)
+        target = cloud.select(part != OUTSIDE)
+        holding = self.index_.holding(target.points, self.neighbours)
+        values = kernel(self._reconstruct(hidden), self.frames_, target.points, holding)
+        weights = self.rank_weights_.unseen
+        offset = np.where((holding != NONE).any(axis=1), weights[-1], 0.0)
+        return fit_cluster_weights(values, holding, offset, weights[:-1], target.occupied, len(self.frames_), self.ridge)
+
+    def features(self, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), evidence (Q, F) and whether any was seen (Q,)."""
+        holding = self.index_.holding(queries, self.neighbours)
+        values = kernel(self.grids_, self.frames_, queries, holding)
+        if self.factors_ is not None:
+            values *= np.where(holding != NONE, self.factors_[holding], 0.0)
+        if not self.evidence:
+            return values, (holding != NONE).sum(axis=1), np.zeros((len(queries), EVIDENCE_FEATURES)), np.zeros(len(queries), bool)
+        voxel = self.evidence_.find(queries)
+        return values, (holding != NONE).sum(axis=1), self.voxel_features_[voxel], voxel >= 0
+
+    def _probability(self, queries):
+        return expit(self.rank_weights_.logit(*self.features(queries)))
+
+    def observed(self, queries) -> np.ndarray:
+        """(Q,) bool: whether the voxel of each query was observed."""
+        return self.evidence_.find(self._checked(queries)) >= 0

@@ -1,0 +1,100 @@
+"""The Hilbert Map's weights: logistic regression on the kernel's features (Eq. 14-16; METHOD 5).
+
+Eq. 14 as printed is p(y = -1), and Eq. 15 has lost its log: here p(y = +1) = 1 / (1 + exp(-w . Phi)) and the loss is
+sum log(1 + exp(-y w . Phi)) + R(w).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.sparse import csr_matrix
+from scipy.special import expit
+
+from hilbertvae.checks import InputError
+
+
+@dataclass(frozen=True)
+class RankWeights:
+    """Weights that transfer from one site to another: one per rank among the K nearest boxes, not one per cluster.
+
+    unseen: (K + 1,) where nothing was observed: w_r of the r-th nearest grid's kernel value, and a constant for being in any box.
+    seen: (F + 2,) in an observed voxel: the evidence's features, the mean kernel value, and a constant.
+    There is no intercept outside of all boxes: where nothing is known, p is 0.5.
+    """
+
+    unseen: np.ndarray
+    seen: np.ndarray
+
+    def logit(self, values: np.ndarray, held: np.ndarray, evidence: np.ndarray, seen: np.ndarray) -> np.ndarray:
+        """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, and `evidence (Q, F)` where `seen (Q,)`."""
+        logit = np.where(held > 0, values @ self.unseen[:-1] + self.unseen[-1], 0.0)
+        if seen.any():
+            logit[seen] = seen_features(values[seen], held[seen], evidence[seen]) @ self.seen
+        return logit
+
+    def plain(self) -> dict:
+        """As lists, for JSON."""
+        return {"unseen": self.unseen.tolist(), "seen": self.seen.tolist()}
+
+    @classmethod
+    def from_plain(cls, plain: dict) -> RankWeights:
+        """The inverse of `plain`."""
+        return cls(np.asarray(plain["unseen"], float), np.asarray(plain["seen"], float))
+
+
+def seen_features(values: np.ndarray, held: np.ndarray, evidence: np.ndarray) -> np.ndarray:
+    """(Q, F + 2): evidence, the mean kernel value of the boxes that hold the query, and a constant."""
+    mean = values.sum(axis=1) / np.maximum(held, 1)
+    return np.column_stack([evidence, mean, np.ones(len(values))])
+
+
+def unit_weights(nearest: int, evidence_features: int) -> RankWeights:
+    """w = 1 for every grid, as in the author's real-time code; in an observed voxel the evidence's own log-odds is added."""
+    seen = np.zeros(evidence_features + 2)
+    seen[0], seen[-2] = 1.0, 1.0
+    return RankWeights(np.append(np.ones(nearest), 0.0), seen)
+
+
+def fit_rank_weights(values, held, evidence, seen, occupied) -> RankWeights:
+    """Rank weights from queries with known labels: kernel weights non-negative, the rest free, a light ridge for R(w)."""
+    unseen = ~seen & (held > 0)
+    if not unseen.any() or not seen.any():
+        raise InputError("rank weights: expected queries both in gaps and in observed voxels")
+    ranks = values.shape[1]
+    features = np.column_stack([values[unseen], np.ones(np.count_nonzero(unseen))])
+    in_gaps = fit_logistic(features, occupied[unseen], nonnegative=np.arange(ranks))
+    features = seen_features(values[seen], held[seen], evidence[seen])
+    observed = fit_logistic(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]))
+    return RankWeights(in_gaps, observed)
+
+
+def fit_cluster_weights(values, holding, offset, rank_weights: np.ndarray, occupied, clusters: int, ridge: float) -> np.ndarray:
+    """(M,) non-negative factors u_m, with ridge towards 1, of logit = offset + sum_r w_r u_m(r) k_r: the classic Hilbert Map's own
+    weight per cluster, around the `rank` value. A few hundred sparse features, so all queries at once."""
+    query, rank = np.nonzero(holding >= 0)
+    data = values[query, rank] * rank_weights[rank]
+    features = csr_matrix((data, (query, holding[query, rank])), shape=(len(values), clusters))
+    everyone = np.arange(clusters)
+    return fit_logistic(features, occupied, nonnegative=everyone, ridge=ridge, towards=np.ones(clusters), offset=offset)
+
+
+def fit_logistic(features, occupied, nonnegative, ridge: float = 1e-3, towards=None, offset=0.0) -> np.ndarray:
+    """w (F,) that minimises the sum over queries of log(1 + exp(-y (offset + w . Phi))) + ridge |w - towards|^2.
+
+    Convex, with few features: L-BFGS reaches the optimum that SGD (Eq. 16) would wander around. Features may be sparse.
+    """
+    sign = np.where(occupied, 1.0, -1.0)
+    count = features.shape[1]
+    towards = np.zeros(count) if towards is None else towards
+
+    def loss(weights):
+        margin = sign * (features @ weights + offset)
+        gradient = features.T @ (-sign * expit(-margin)) + 2 * ridge * (weights - towards)
+        return np.logaddexp(0, -margin).sum() + ridge * np.square(weights - towards).sum(), gradient
+
+    start = np.where(np.isin(np.arange(count), nonnegative), np.maximum(towards, 0.1), 0.0)
+    bounds = [(0, None) if i in set(nonnegative.tolist()) else (None, None) for i in range(count)]
+    return minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 500}).x

@@ -1,0 +1,76 @@
+"""Parts that networks of 2 and 3 dimensions share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+CONVOLUTION = {2: nn.Conv2d, 3: nn.Conv3d}
+MAX_POOL = {2: F.max_pool2d, 3: F.max_pool3d}
+MEAN_POOL = {2: F.avg_pool2d, 3: F.avg_pool3d}
+CONVOLVE = {2: F.conv2d, 3: F.conv3d}
+CONVOLVE_TRANSPOSED = {2: F.conv_transpose2d, 3: F.conv_transpose3d}
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """output: (B, n, ..., n), what the likelihood takes; mean, std: (B, latent) of Q(z|H), Eq. 10; std is None without sampling."""
+
+    output: Tensor
+    mean: Tensor | None
+    std: Tensor | None
+
+
+def signed(grids: Tensor) -> Tensor:
+    """The paper's input: (B, n, ..., n) int8 codes as one float channel of -1, 0, 1."""
+    return grids.unsqueeze(1).float()
+
+
+def hit_free(grids: Tensor) -> Tensor:
+    """Two channels, hit and free; both 0 where unknown, so that unknown is no value between the two."""
+    return torch.stack([grids > 0, grids < 0], dim=1).float()
+
+
+ENCODINGS = {"signed": (signed, 1), "hit_free": (hit_free, 2)}
+
+
+def group_norm(channels: int) -> nn.GroupNorm:
+    """GroupNorm of about 16 channels a group: the same at training and at test, whatever the batch."""
+    groups = max(1, channels // 16)
+    return nn.GroupNorm(groups if channels % groups == 0 else 1, channels)
+
+
+class ResidualBlock(nn.Module):
+    """x + conv(act(norm(conv(act(norm(x)))))), 3-cell kernels (He et al. 2016, pre-activation)."""
+
+    def __init__(self, dimension: int, channels: int, dropout: float = 0.0):
+        super().__init__()
+        convolution = CONVOLUTION[dimension]
+        self.body = nn.Sequential(
+            group_norm(channels),
+            nn.SiLU(),
+            convolution(channels, channels, 3, padding=1),
+            group_norm(channels),
+            nn.SiLU(),
+            nn.Dropout(dropout),
+            convolution(channels, channels, 3, padding=1),
+        )
+        nn.init.zeros_(self.body[-1].weight)
+        nn.init.zeros_(self.body[-1].bias)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x + self.body(x)
+
+
+def spread_channels(x: Tensor, stride: int) -> Tensor:
+    """Pixel shuffle in D dimensions: (B, C stride^D, m, ..., m) to (B, C, m stride, ..., m stride)."""
+    batch, channels, *size = x.shape
+    dimension = len(size)
+    x = x.reshape(batch, channels // stride**dimension, *(stride,) * dimension, *size)
+    order = [0, 1]
+    for d in range(dimension):
+        order += [2 + dimension + d, 2 + d]
+    return x.permute(order).reshape(batch, channels // stride**dimension, *(length * stride for length in size))

@@ -1,0 +1,109 @@
+"""The default network: a residual auto-encoder that leaves full resolution early, with skips gated by what was observed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.blocks import (
+    CONVOLUTION,
+    ENCODINGS,
+    MEAN_POOL,
+    Reconstruction,
+    ResidualBlock,
+    group_norm,
+    spread_channels,
+)
+
+
+@dataclass
+class GatedNetworkSettings:
+    """Full-resolution convolutions with many channels are the cost on a CPU; a strided stem and a pixel shuffle avoid them."""
+
+    kind: str = "gated"
+    stem: int = 4
+    """Cells of the grid, along an axis, that one cell of the first level covers."""
+    channels: list[int] = field(default_factory=lambda: [96, 160, 256])
+    """One level per entry; each halves the resolution of the one before."""
+    blocks: list[int] = field(default_factory=lambda: [2, 2, 4])
+    """Residual blocks on the way down per level; the last level's are the bottom's."""
+    latent: int = 64
+    variational: bool = True
+    skips: bool = True
+    dropout: float = 0.0
+    encoding: str = "hit_free"
+
+
+class GatedNetwork(nn.Module):
+    """Stem, residual levels down, a latent at the bottom, residual levels up, pixel shuffle to logits.
+
+    A skip carries detail of what was observed past the bottom. Its gate is the share of cells observed there, so inside a gap the
+    decoder hears nothing from the skip and has to complete from below. The latent is a summary of the whole grid (one vector), added
+    to every cell of the bottom.
+    """
+
+    def __init__(self, settings: GatedNetworkSettings, dimension: int, cells: int):
+        super().__init__()
+        channels, levels = settings.channels, len(settings.channels)
+        reduction = settings.stem * 2 ** (levels - 1)
+        if len(settings.blocks) != levels:
+            raise InputError(f"network.blocks: expected {levels}, one per level, got {len(settings.blocks)}")
+        if cells % reduction:
+            raise InputError(f"grid.cells: expected a multiple of {reduction} (stem and {levels} levels), got {cells}")
+        self.settings, self.dimension, self.cells = settings, dimension, cells
+        convolution = CONVOLUTION[dimension]
+        self.encode_input, inputs = ENCODINGS[settings.encoding]
+        self.stem = convolution(inputs, channels[0], settings.stem, stride=settings.stem)
+        self.down = nn.ModuleList(self._level(i) for i in range(levels))
+        self.shrink = nn.ModuleList(convolution(channels[i], channels[i + 1], 2, stride=2) for i in range(levels - 1))
+        self.mean = nn.Linear(channels[-1], settings.latent)
+        self.spread = nn.Linear(channels[-1], settings.latent) if settings.variational else None
+        self.expand = nn.Linear(settings.latent, channels[-1])
+        self.grow = nn.ModuleList(convolution(channels[i + 1], channels[i] * 2**dimension, 1) for i in range(levels - 1))
+        self.join = nn.ModuleList(convolution(2 * channels[i], channels[i], 1) for i in range(levels - 1)) if settings.skips else None
+        self.up = nn.ModuleList(self._level(i) for i in range(levels - 1))
+        self.head = nn.Sequential(group_norm(channels[0]), nn.SiLU(), convolution(channels[0], settings.stem**dimension, 3, padding=1))
+
+    def _level(self, level: int) -> nn.Sequential:
+        settings = self.settings
+        return nn.Sequential(
+            *(ResidualBlock(self.dimension, settings.channels[level], settings.dropout) for _ in range(settings.blocks[level]))
+        )
+
+    def forward(self, grids: Tensor) -> Reconstruction:
+        """`grids (B, n, ..., n)` int8 codes."""
+        x = self.stem(self.encode_input(grids))
+        gate = MEAN_POOL[self.dimension]((grids != 0).unsqueeze(1).to(x.dtype), self.settings.stem)
+        kept = []
+        for level, blocks in enumerate(self.down):
+            x = blocks(x)
+            if level < len(self.shrink):
+                kept.append(x * gate)
+                gate = MEAN_POOL[self.dimension](gate, 2)
+                x = self.shrink[level](x)
+        summary = x.flatten(2).mean(dim=2)
+        mean = self.mean(summary)
+        std = F.softplus(self.spread(summary)) + 1e-6 if self.spread is not None else None
+        z = mean + std * torch.randn_like(std) if std is not None and self.training else mean
+        output = self._decode(z, x, kept)
+        return Reconstruction(output, mean, std)
+
+    def _decode(self, z: Tensor, x: Tensor | None, kept: list[Tensor]) -> Tensor:
+        summary = self.expand(z).reshape(len(z), -1, *(1,) * self.dimension)
+        x = summary if x is None else x + summary
+        for level in reversed(range(len(self.grow))):
+            x = spread_channels(self.grow[level](x), 2)
+            if self.join is not None:
+                x = self.join[level](torch.cat([x, kept[level] if kept else torch.zeros_like(x)], dim=1))
+            x = self.up[level](x)
+        return spread_channels(self.head(x), self.settings.stem).squeeze(1)
+
+    def decode(self, z: Tensor) -> Tensor:
+        """(B, n, ..., n) logits of `z (B, latent)` alone, as if nothing had been observed."""
+        bottom = self.cells // (self.settings.stem * 2 ** (len(self.settings.channels) - 1))
+        empty = torch.zeros(len(z), self.settings.channels[-1], *(bottom,) * self.dimension, dtype=z.dtype, device=z.device)
+        return self._decode(z, empty, [])

@@ -1,0 +1,78 @@
+"""What a reconstruction is trained on: -log P(H | z) of Eq. 6, and the KL divergence that joins it.
+
+Both are sums, over cells and over latent dimensions: averaging one and summing the other collapses the posterior.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+
+@dataclass
+class LikelihoodSettings:
+    """`bernoulli`: logits, on cells known in the target. `gaussian`: the paper's tanh and squared error over all cells."""
+
+    kind: str = "bernoulli"
+    observed_weight: float = 0.2
+    """Weight of cells that the input shows, beside 1 for those cut from it. The map keeps observed evidence by itself."""
+
+
+class Bernoulli:
+    """Cells known in the target, as coin flips with the output as logit; unknown cells say nothing."""
+
+    def __init__(self, settings: LikelihoodSettings):
+        self.observed_weight = settings.observed_weight
+
+    def __call__(self, output: Tensor, target: Tensor, shown: Tensor) -> Tensor:
+        """(B,) negative log-likelihood: output (B, n, ..., n); target, shown int8 codes of the same shape."""
+        loss = F.binary_cross_entropy_with_logits(output.float(), (target > 0).float(), reduction="none")
+        weight = (target != 0) * torch.where(shown != 0, self.observed_weight, 1.0)
+        return (loss * weight).flatten(1).sum(dim=1)
+
+    @staticmethod
+    def kernel_value(output: Tensor) -> Tensor:
+        """The output as a kernel value of Eq. 7: the logit, clipped where a sigmoid has no more to say."""
+        return output.float().clamp(-8.0, 8.0)
+
+
+class Gaussian:
+    """The paper's: tanh and unit variance over all cells of {-1, 0, 1}, unknown ones included."""
+
+    def __init__(self, settings: LikelihoodSettings):
+        pass
+
+    def __call__(self, output: Tensor, target: Tensor, shown: Tensor) -> Tensor:
+        """(B,) negative log-likelihood without its constant: half the squared error."""
+        return 0.5 * (torch.tanh(output.float()) - target.float()).square().flatten(1).sum(dim=1)
+
+    @staticmethod
+    def kernel_value(output: Tensor) -> Tensor:
+        """The tanh output itself, in (-1, 1)."""
+        return torch.tanh(output.float())
+
+
+LIKELIHOODS = {"bernoulli": Bernoulli, "gaussian": Gaussian}
+
+
+def kl_divergence(mean: Tensor, std: Tensor) -> Tensor:
+    """(B, latent) KL[N(mean, std^2) || N(0, 1)] of each latent dimension (Eq. 6)."""
+    return 0.5 * (mean.square() + std.square() - 1.0) - torch.log(std)
+
+
+def free_bits(kl: Tensor, nats: float) -> Tensor:
+    """The KL that is paid for: the batch's mean in each dimension, where it exceeds `nats` (Kingma et al. 2016). Scalar."""
+    return kl.mean(dim=0).clamp_min(nats).sum()
+
+
+def active_dimensions(kl: Tensor, nats: float = 0.01) -> Tensor:
+    """How many latent dimensions carry more than `nats` on average over the batch. Scalar."""
+    return (kl.mean(dim=0) > nats).sum()
+
+
+def kl_weight(step: int, warmup_steps: int) -> float:
+    """A linear warm-up from 0 to 1, so that the decoder learns to use z before it is charged for."""
+    return 1.0 if warmup_steps <= 0 else min(1.0, step / warmup_steps)

@@ -1,0 +1,25 @@
+"""Networks by the kind that their settings name."""
+
+from __future__ import annotations
+
+from torch import nn
+
+from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
+from hilbertvae.reconstruction.paper_network import PaperNetwork, PaperNetworkSettings
+
+NETWORKS = {"gated": (GatedNetworkSettings, GatedNetwork), "paper": (PaperNetworkSettings, PaperNetwork)}
+NetworkSettings = GatedNetworkSettings | PaperNetworkSettings
+
+
+def network_settings(values: dict) -> NetworkSettings:
+    """The settings dataclass of plain `values`, by their `kind`."""
+    kind = values.get("kind")
+    if kind not in NETWORKS:
+        raise InputError(f"network.kind: expected one of {', '.join(NETWORKS)}, got {kind!r}")
+    return NETWORKS[kind][0](**values)
+
+
+def build_network(settings: NetworkSettings, dimension: int, cells: int) -> nn.Module:
+    """A network with fresh weights for grids of `cells`^dimension."""
+    return NETWORKS[settings.kind][1](settings, dimension, cells)

@@ -1,0 +1,90 @@
+"""The paper's networks: a convolutional auto-encoder, plain (CAE, Eq. 1-3) or variational (CVAE, Eq. 10-12), in 2D and 3D."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.blocks import CONVOLUTION, CONVOLVE_TRANSPOSED, ENCODINGS, MAX_POOL, Reconstruction
+
+
+@dataclass
+class PaperNetworkSettings:
+    """The baseline of section IV: 64 cells, kernels 9/7/5/5, channels 64/128/256/256, latent 25 (2D) or 100 (3D)."""
+
+    kind: str = "paper"
+    channels: list[int] = field(default_factory=lambda: [64, 128, 256, 256])
+    kernels: list[int] = field(default_factory=lambda: [9, 7, 5, 5])
+    latent: int = 25
+    dropout: float = 0.8
+    """Drop rate after the last encoder convolution; the paper says 0.7 and 0.8 (METHOD 4)."""
+    variational: bool = True
+    tied: bool = False
+    """Decoder convolutions are the encoder's, transposed (`W~ = W^T`, Eq. 2); needs `encoding: signed`."""
+    encoding: str = "signed"
+
+
+class PaperNetwork(nn.Module):
+    """Convolutions of stride 1, ReLU and max-pool 2; two linear heads; resize and convolution back. z = mu outside training."""
+
+    def __init__(self, settings: PaperNetworkSettings, dimension: int, cells: int):
+        super().__init__()
+        depth = len(settings.channels)
+        if len(settings.kernels) != depth:
+            raise InputError(f"network.kernels: expected {depth}, one per channel count, got {len(settings.kernels)}")
+        if cells % 2**depth:
+            raise InputError(f"grid.cells: expected a multiple of {2**depth} for {depth} poolings, got {cells}")
+        self.settings, self.dimension = settings, dimension
+        self.encode_input, inputs = ENCODINGS[settings.encoding]
+        if settings.tied and inputs != 1:
+            raise InputError("network.tied: tied weights need encoding: signed, so that input and output have one channel each")
+        convolution = CONVOLUTION[dimension]
+        wide = [inputs, *settings.channels]
+        self.encoder = nn.ModuleList(
+            convolution(wide[i], wide[i + 1], kernel, padding=kernel // 2) for i, kernel in enumerate(settings.kernels)
+        )
+        self.bottom = (settings.channels[-1], *(cells // 2**depth,) * dimension)
+        features = int(torch.tensor(self.bottom).prod())
+        self.mean = nn.Linear(features, settings.latent)
+        self.spread = nn.Linear(features, settings.latent) if settings.variational else None
+        self.expand = nn.Linear(settings.latent, features)
+        back = [1, *settings.channels]
+        if settings.tied:
+            self.decoder = None
+            self.decoder_bias = nn.ParameterList(nn.Parameter(torch.zeros(count)) for count in back[:-1])
+        else:
+            self.decoder = nn.ModuleList(
+                convolution(back[i + 1], back[i], kernel, padding=kernel // 2) for i, kernel in enumerate(settings.kernels)
+            )
+
+    def forward(self, grids: Tensor) -> Reconstruction:
+        """`grids (B, n, ..., n)` int8 codes."""
+        x = self.encode_input(grids)
+        for convolve in self.encoder:
+            x = MAX_POOL[self.dimension](F.relu(convolve(x)), 2)
+        x = F.dropout(x, self.settings.dropout, self.training).flatten(1)
+        mean = self.mean(x)
+        if self.spread is None:
+            return Reconstruction(self.decode(mean), mean, None)
+        std = F.softplus(self.spread(x)) + 1e-6
+        z = mean + std * torch.randn_like(std) if self.training else mean
+        return Reconstruction(self.decode(z), mean, std)
+
+    def decode(self, z: Tensor) -> Tensor:
+        """(B, n, ..., n) outputs, before the likelihood's own squashing, of `z (B, latent)`."""
+        x = F.relu(self.expand(z)).reshape(len(z), *self.bottom)
+        for level in reversed(range(len(self.encoder))):
+            x = F.interpolate(x, scale_factor=2, mode="nearest")
+            if self.decoder is None:
+                weight = self.encoder[level].weight
+                padding = self.settings.kernels[level] // 2
+                x = CONVOLVE_TRANSPOSED[self.dimension](x, weight, self.decoder_bias[level], padding=padding)
+            else:
+                x = self.decoder[level](x)
+            if level:
+                x = F.relu(x)
+        return x.squeeze(1)

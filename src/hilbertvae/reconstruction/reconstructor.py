@@ -1,0 +1,103 @@
+"""Grids in, reconstructed grids out: a trained network with all that is needed to use it, and its file."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import nn
+
+from hilbertvae.checks import InputError
+from hilbertvae.files import atomic
+from hilbertvae.grids.cluster_grids import GridSettings
+from hilbertvae.grids.frame import FrameSettings
+from hilbertvae.reconstruction.likelihood import LIKELIHOODS, LikelihoodSettings
+from hilbertvae.reconstruction.networks import NetworkSettings, build_network, network_settings
+from hilbertvae.reconstruction.symmetry import apply, symmetries, undo
+
+FORMAT = "hilbertvae-reconstructor-1"
+
+
+@dataclass
+class Reconstructor:
+    """A network, the likelihood it was trained with, and the grids it was trained on.
+
+    `weights` holds the Hilbert Map's learned weights by reading (`points`, `voxels`), `card` what it was trained on; both are plain.
+    """
+
+    network: nn.Module
+    network_settings: NetworkSettings
+    likelihood: LikelihoodSettings
+    grid: GridSettings
+    dimension: int
+    resolution_m: float
+    weights: dict = field(default_factory=dict)
+    card: dict = field(default_factory=dict)
+
+    def reconstruct(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> np.ndarray:
+        """float32 kernel values (M, n, ..., n) of int8 `grids (M, n, ..., n)`: the mean over `flips` symmetries (1, 2, 4 or 8)."""
+        network = self.network.eval().to(device)
+        kernel_value = LIKELIHOODS[self.likelihood.kind].kernel_value
+        chosen = symmetries(self.dimension)[:flips]
+        values = np.empty(grids.shape, np.float32)
+        with torch.inference_mode(), torch.autocast(device.split(":")[0], torch.bfloat16):
+            for start in range(0, len(grids), batch):
+                shown = torch.from_numpy(grids[start : start + batch]).to(device)
+                total = sum(undo(kernel_value(network(apply(shown, s).contiguous()).output), s) for s in chosen)
+                values[start : start + batch] = (total / len(chosen)).cpu().numpy()
+        return values
+
+    def save(self, path: str | os.PathLike) -> Path:
+        """One safetensors file with the weights, and everything else as JSON in its header."""
+        described = {
+            "network": asdict(self.network_settings),
+            "likelihood": asdict(self.likelihood),
+            "grid": asdict(self.grid),
+            "dimension": self.dimension,
+            "resolution_m": self.resolution_m,
+            "weights": self.weights,
+            "card": self.card,
+        }
+        tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in self.network.state_dict().items()}
+        with atomic(path) as temporary:
+            save_file(tensors, temporary, metadata={"format": FORMAT, "settings": json.dumps(described, sort_keys=True)})
+        return Path(path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> Reconstructor:
+        """The reconstructor saved at `path`; an `InputError` for a missing, damaged or foreign file."""
+        path = Path(path)
+        if not path.is_file():
+            raise InputError(f"{path}: no such checkpoint")
+        try:
+            with safe_open(path, framework="pt") as file:
+                metadata = file.metadata() or {}
+                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+        except (SafetensorError, OSError, ValueError) as error:
+            raise InputError(f"{path}: not a checkpoint of hilbertvae, or damaged ({error}); expected a .safetensors file") from error
+        if metadata.get("format") != FORMAT:
+            raise InputError(f"{path}: a safetensors file, but not a checkpoint of hilbertvae (format {metadata.get('format')!r}, expected {FORMAT!r})")
+        try:
+            described = json.loads(metadata["settings"])
+            settings = network_settings(described["network"])
+            grid = GridSettings(**{**described["grid"], "frame": FrameSettings(**described["grid"]["frame"])})
+            network = build_network(settings, described["dimension"], grid.cells)
+            network.load_state_dict(tensors)
+        except (KeyError, TypeError, RuntimeError, json.JSONDecodeError) as error:
+            raise InputError(f"{path}: the checkpoint's settings and weights don't fit together ({error})") from error
+        return cls(
+            network=network.to(memory_format=torch.channels_last) if described["dimension"] == 2 else network,
+            network_settings=settings,
+            likelihood=LikelihoodSettings(**described["likelihood"]),
+            grid=grid,
+            dimension=described["dimension"],
+            resolution_m=described["resolution_m"],
+            weights=described["weights"],
+            card=described["card"],
+        )

@@ -1,0 +1,33 @@
+"""The symmetries of a grid: flips of its axes, and swaps of its horizontal ones."""
+
+from __future__ import annotations
+
+import itertools
+
+import torch
+from torch import Tensor
+
+Symmetry = tuple[bool, tuple[int, ...]]
+"""Whether the two horizontal axes are swapped, and which spatial axes (0-based) are flipped after that."""
+
+
+def symmetries(dimension: int) -> list[Symmetry]:
+    """The 8 symmetries of the horizontal square, the identity first. In 3D up stays up: streets are not seen upside down."""
+    flips = [axes for count in range(3) for axes in itertools.combinations(range(2), count)]
+    return [(swap, axes) for swap in (False, True) for axes in flips]
+
+
+def apply(grids: Tensor, symmetry: Symmetry) -> Tensor:
+    """`grids (B, n, ..., n)`, moved by the symmetry."""
+    swap, axes = symmetry
+    if swap:
+        grids = grids.transpose(1, 2)
+    return torch.flip(grids, [axis + 1 for axis in axes]) if axes else grids
+
+
+def undo(grids: Tensor, symmetry: Symmetry) -> Tensor:
+    """The inverse of `apply`."""
+    swap, axes = symmetry
+    if axes:
+        grids = torch.flip(grids, [axis + 1 for axis in axes])
+    return grids.transpose(1, 2) if swap else grids

@@ -1,0 +1,179 @@
+"""The protocol: how a mapper is scored on a site it has never seen (paper IV; METHOD 7)."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from hilbertvae.checks import InputError, check_positive
+from hilbertvae.cloud import Cloud, fit_cloud, voxel_index
+from hilbertvae.gaps import INSIDE, OUTSIDE, Gaps, random_gaps
+from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.scans.scan import Scans
+from hilbertvae.scoring.metrics import precision_recall_curve, score
+from hilbertvae.scoring.result import Result
+from hilbertvae.site import Site
+
+OCCLUSION_STEP = {2: 10, 3: 3}
+"""`occluded-sparse` keeps each so many-th scan."""
+OCCLUSION_BANDS_M = ((0.25, 0.5), (0.5, 1.0), (1.0, 2.5))
+OCCLUSION_RANGE_M = (0.5, 2.5)
+CURVE_POINTS = 101
+"""Recalls at which the precision-recall curve is kept."""
+
+
+@dataclass
+class Protocol:
+    """Gap seeds, and the gap's size as in the paper: a ratio of the average cluster size."""
+
+    gap_seeds: list[int] = field(default_factory=lambda: [0, 1, 2, 3, 4])
+    gap_ratio: float = 0.5
+    cluster_size_m: float = 5.0
+    centred: bool = False
+    """Gaps centred on occupied points, which tells where the wall is; for rows of its own."""
+    occlusion: bool = True
+    """Also score real occlusion: what only the scans that were left out have seen."""
+
+    @property
+    def gap_diameter_m(self) -> float:
+        return self.gap_ratio * self.cluster_size_m
+
+    def check(self) -> None:
+        """An `InputError` that names the key for what can't be scored."""
+        check_positive(self.gap_ratio, "evaluation.gap_ratio")
+        check_positive(self.cluster_size_m, "evaluation.cluster_size_m")
+        if not self.gap_seeds or len(set(self.gap_seeds)) != len(self.gap_seeds):
+            raise InputError(f"evaluation.gap_seeds: expected one or more different seeds, got {self.gap_seeds}")
+
+
+def cut_site(site: Site, protocol: Protocol, seed: int) -> Gaps:
+    """The gaps of one seed: the same for every mapper."""
+    return random_gaps(site.fit, protocol.gap_diameter_m, site.resolution_m, seed, protocol.centred)
+
+
+def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper", progress=None) -> Result:
+    """Fit the mapper on the gapped site once per gap seed, and score it on what was hidden and on what was not.
+
+    Every mapper gets the same `fit` points and, of a gap, neither points nor their places; one that takes a `seed` gets the gap's. `progress`,
+    if given, is called with a line of text as each seed is done.
+    """
+    protocol.check()
+    readings = {"points": (site.points, site.points_held_out, ~site.points_held_out)}
+    readings["voxels"] = (site.voxels, site.voxels_held_out, site.voxels_fitted)
+    rows: dict = defaultdict(lambda: defaultdict(lambda: defaultdict(list)))
+    seconds: dict = defaultdict(list)
+    curves: dict = defaultdict(list)
+    every_gap = []
+    for seed in protocol.gap_seeds:
+        gaps = cut_site(site, protocol, seed)
+        every_gap.append({"seed": seed, "centres": gaps.centres.tolist(), "radius_m": gaps.radius_m.tolist()})
+        _prepare(mapper, seed, gaps)
+        _fit(mapper, gaps.cut(site.fit), seconds)
+        for reading, (cloud, held_out, fitted) in readings.items():
+            part = gaps.part(cloud.points)
+            regions = {"observed": held_out & (part == OUTSIDE), "fitted": fitted & (part == OUTSIDE), "gaps": part == INSIDE}
+            asked = np.flatnonzero(part != -1)
+            probability = np.full(len(cloud), np.nan)
+            probability[asked] = _ask(mapper, cloud.points[asked], seconds)
+            for region, chosen in regions.items():
+                _append(rows[reading][region], cloud.occupied[chosen], probability[chosen])
+            inside = regions["gaps"]
+            curves[reading].append(_curve(cloud.occupied[inside], probability[inside]))
+        if protocol.occlusion and "centres" not in mapper.get_params():
+            _score_occlusion(mapper, site, seed, rows["voxels"], seconds)
+        if progress:
+            found = rows["voxels"]["gaps"]
+            progress(f"{name} on {site.name}, gap seed {seed}: gaps F1 {found['f1'][-1]:.3f} AUC {found['auc'][-1]:.3f} (voxels)")
+    return Result(
+        site=site.name,
+        dimension=site.dimension,
+        gap_diameter_m=protocol.gap_diameter_m,
+        gap_seeds=list(protocol.gap_seeds),
+        ceiling=ceiling(site),
+        scores={name: {reading: {region: dict(found) for region, found in regions.items()} for reading, regions in rows.items()}},
+        seconds={name: dict(seconds)},
+        gaps=every_gap,
+        curves={name: dict(curves)},
+        protocol=asdict(protocol),
+    )
+
+
+def _prepare(mapper: Mapper, seed: int, gaps: Gaps) -> None:
+    parameters = mapper.get_params(deep=False)
+    if "seed" in parameters:
+        mapper.set_params(seed=seed)
+    if "centres" in parameters:  # the leak check: it knows where the gaps are, and nothing else
+        mapper.set_params(centres=gaps.centres)
+
+
+def _fit(mapper: Mapper, cloud: Cloud, seconds: dict) -> None:
+    start = time.perf_counter()
+    mapper.fit(cloud.points, cloud.occupied, cloud.weight)
+    seconds["fit"].append(time.perf_counter() - start)
+
+
+def _ask(mapper: Mapper, queries: np.ndarray, seconds: dict) -> np.ndarray:
+    start = time.perf_counter()
+    probability = mapper.predict_proba(queries)[:, 1]
+    seconds["query_per_million"].append((time.perf_counter() - start) / max(len(queries), 1) * 1e6)
+    return probability
+
+
+def _append(scores: dict, occupied: np.ndarray, probability: np.ndarray) -> None:
+    for metric, value in score(occupied, probability).items():
+        scores[metric].append(value)
+
+
+def _curve(occupied: np.ndarray, probability: np.ndarray) -> list[float]:
+    """Precision at `CURVE_POINTS` recalls from 0 to 1, each the best at that recall or more."""
+    if not occupied.any():
+        return [0.0] * CURVE_POINTS
+    _, precision, recall = precision_recall_curve(occupied, probability)
+    best = np.maximum.accumulate(precision[::-1])[::-1]
+    return [round(float(p), 5) for p in best[np.searchsorted(recall, np.linspace(0, 1, CURVE_POINTS) - 1e-12)]]
+
+
+def occluded_parts(scans: Scans, seed: int) -> dict[str, np.ndarray]:
+    """The kept returns of each setting, (N,) bool: every tenth scan in 2D and third in 3D, from scan `seed` on; the first half."""
+    step = OCCLUSION_STEP[scans.dimension]
+    return {"occluded-sparse": scans.scan % step == seed % step, "occluded-half": scans.scan < (scans.scan.max() + 1) / 2}
+
+
+def _score_occlusion(mapper: Mapper, site: Site, seed: int, rows: dict, seconds: dict) -> None:
+    """What only the left-out scans saw, by distance from the nearest point of the kept ones (voxels)."""
+    held_out = site.scans.held_out()
+    for region, kept in occluded_parts(site.scans, seed).items():
+        shown = fit_cloud(site.scans.select(kept), site.resolution_m)
+        tree = cKDTree(shown.points)
+        distance, _ = tree.query(site.voxels.points, distance_upper_bound=OCCLUSION_RANGE_M[1], workers=-1)
+        hidden = ~np.isin(_keys(site.voxels.points, site), _keys(shown.points, site))
+        chosen = np.flatnonzero(hidden & (distance >= OCCLUSION_BANDS_M[0][0]) & (distance < OCCLUSION_RANGE_M[1]))
+        _fit(mapper, fit_cloud(site.scans.select(kept & ~held_out), site.resolution_m), seconds)
+        probability = _ask(mapper, site.voxels.points[chosen], seconds)
+        for low, high in (OCCLUSION_RANGE_M, *OCCLUSION_BANDS_M):
+            within = (distance[chosen] >= low) & (distance[chosen] < high)
+            row = region if (low, high) == OCCLUSION_RANGE_M else f"{region}-{low:g}-{high:g}"
+            _append(rows[row], site.voxels.occupied[chosen[within]], probability[within])
+
+
+def _keys(points: np.ndarray, site: Site) -> np.ndarray:
+    every = site.voxels.points
+    low = voxel_index(every.min(axis=0)[None], site.resolution_m)[0]
+    shape = voxel_index(every.max(axis=0)[None], site.resolution_m)[0] - low + 1
+    return np.ravel_multi_index(tuple((voxel_index(points, site.resolution_m) - low).T), tuple(shape))
+
+
+def ceiling(site: Site) -> dict[str, dict[str, float]]:
+    """Precision and recall on held-out beams of the best vote at the map's own cell size: no map of such cells can call more right."""
+    found = {}
+    for reading, cloud, held_out in (("points", site.points, site.points_held_out), ("voxels", site.voxels, site.voxels_held_out)):
+        _, cell = np.unique(_keys(cloud.points, site), return_inverse=True)
+        hits = np.bincount(cell, weights=cloud.occupied)
+        best = (2 * hits >= np.bincount(cell))[cell]
+        scores = score(cloud.occupied[held_out], best[held_out].astype(float))
+        found[reading] = {"precision": scores["precision"], "recall": scores["recall"]}
+    return found

@@ -1,0 +1,57 @@
+"""What an evaluation found: the contract of `result.json` (METHOD 7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+SCHEMA_VERSION = 1
+Scores = dict[str, dict[str, dict[str, dict[str, list[float]]]]]
+
+
+@dataclass
+class Result:
+    """Scores of mappers on one site. scores[mapper][reading][region][metric] is a list with one float per gap seed.
+
+    ceiling[reading] holds the `precision` and `recall` of the best vote at the map's own cell size. seconds[mapper][stage] and
+    gaps (the balls of each seed) are there for whoever wants to repeat or time it.
+    """
+
+    site: str
+    dimension: int
+    gap_diameter_m: float
+    gap_seeds: list[int]
+    ceiling: dict[str, dict[str, float]]
+    scores: Scores = field(default_factory=dict)
+    seconds: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    gaps: list[dict] = field(default_factory=list)
+    curves: dict = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)
+    protocol: dict = field(default_factory=dict)
+
+    def add(self, other: Result) -> Result:
+        """This result with the mappers of another evaluation of the same site under the same protocol."""
+        for name in ("site", "gap_seeds", "protocol"):
+            if getattr(self, name) != getattr(other, name):
+                raise ValueError(f"results differ in {name}: {getattr(self, name)!r} and {getattr(other, name)!r}")
+        for name in ("scores", "seconds", "curves", "failed"):
+            getattr(self, name).update(getattr(other, name))
+        return self
+
+    def plain(self, **about) -> dict:
+        """As JSON takes it; `about` adds what made it (config, commit, packages, host, times)."""
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "status": "failed" if self.failed else "ok",
+            "site": self.site,
+            "dimension": self.dimension,
+            "gap_diameter_m": self.gap_diameter_m,
+            "gap_seeds": self.gap_seeds,
+            "ceiling": self.ceiling,
+            "scores": self.scores,
+            "seconds": self.seconds,
+            "failed": self.failed,
+            "protocol": self.protocol,
+            "gaps": self.gaps,
+            "curves": self.curves,
+            **about,
+        }

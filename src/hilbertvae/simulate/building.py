@@ -1,0 +1,140 @@
+"""Simulated buildings: a floor plan, a drive through it and a laser give scans, as the log of a real building does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hilbertvae.checks import InputError, check_positive
+from hilbertvae.scans.scan import Scans
+from hilbertvae.simulate.laser import LaserSettings, RayCaster, bearings, extrude, sense, sim_extra
+
+STYLES = {"corridors": 0.6, "hall": 0.22, "enfilade": 0.18}
+"""Shares of the styles among buildings of style "any": about those of the sites that robots were driven through."""
+
+ATTEMPTS = 20
+
+
+@dataclass(frozen=True)
+class BuildingSettings:
+    """What buildings are drawn, and how they are scanned.
+
+    style: a key of `layouts.LAYOUTS`, or "any".
+    shortest_extent_m, longest_extent_m: about how long the building is.
+    scans: at most so many sweeps; a drive takes one every 0.4 to 1.1 m or 20 to 40 degrees.
+    clearance_m: how far the robot keeps from everything solid.
+    pose_noise_m, heading_noise_deg: spread of the slowly wandering error of the poses, as a SLAM system leaves them;
+    some buildings have two thirds of it, some one and a half times.
+    sweeps_per_passer_by: one walks past in so many sweeps, in some buildings in four times as many; inf for nobody.
+    draw_laser: beams, noise and misses vary from building to building, as robots do; else `laser` as it stands.
+    """
+
+    style: str = "any"
+    shortest_extent_m: float = 30.0
+    longest_extent_m: float = 95.0
+    scans: int = 700
+    clearance_m: float = 0.2
+    pose_noise_m: float = 0.02
+    heading_noise_deg: float = 0.25
+    sweeps_per_passer_by: float = 10.0
+    draw_laser: bool = True
+    laser: LaserSettings = field(default_factory=LaserSettings)
+
+    def __post_init__(self):
+        if self.style != "any" and self.style not in STYLES:
+            raise InputError(f'building.style: expected "any" or one of {", ".join(STYLES)}, got {self.style!r}')
+        if not self.sweeps_per_passer_by >= 1:
+            raise InputError(f"building.sweeps_per_passer_by: expected at least 1, got {self.sweeps_per_passer_by!r}")
+        for name in ("shortest_extent_m", "longest_extent_m", "clearance_m"):
+            check_positive(getattr(self, name), f"building.{name}")
+        if not 6 <= self.shortest_extent_m <= self.longest_extent_m:
+            raise InputError(
+                "building.shortest_extent_m: expected at least 6 and at most longest_extent_m "
+                f"({self.longest_extent_m!r}), got {self.shortest_extent_m!r}"
+            )
+        if isinstance(self.scans, bool) or not isinstance(self.scans, int) or self.scans < 1:
+            raise InputError(f"building.scans: expected a positive whole number, got {self.scans!r}")
+        for name in ("pose_noise_m", "heading_noise_deg"):
+            if not np.isfinite(getattr(self, name)) or getattr(self, name) < 0:
+                raise InputError(f"building.{name}: expected zero or a positive number, got {getattr(self, name)!r}")
+
+
+def simulate_building(settings: BuildingSettings, seed: int) -> Scans:
+    """The scans of one random building in the plane. The same settings and seed give the same bits.
+
+    Raises `InputError` where the extra `sim` is not installed, or where no drivable building comes of these settings.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise InputError(f"seed: expected a whole number of at least 0, got {seed!r}")
+    sim_extra("shapely")
+    from hilbertvae.simulate.drive import drive, poses_along
+    from hilbertvae.simulate.floor_plan import draw_floor_plan
+    from hilbertvae.simulate.free_space import find_free_space
+
+    enough = min(settings.scans, int(4 * settings.shortest_extent_m))
+    for attempt in range(ATTEMPTS):
+        for_plan, for_drive, for_laser = (np.random.default_rng([seed, attempt, part]) for part in range(3))
+        style = settings.style if settings.style != "any" else for_plan.choice(list(STYLES), p=list(STYLES.values()))
+        extent_m = for_plan.uniform(settings.shortest_extent_m, settings.longest_extent_m)
+        plan = draw_floor_plan(for_plan, extent_m, style)
+        step_m, turn_deg = for_drive.uniform(0.4, 1.1), for_drive.uniform(20, 40)
+        space = find_free_space(plan)
+        way = drive(for_drive, plan, space, settings.clearance_m, settings.scans * step_m)
+        if len(way) < 2:
+            continue
+        poses = poses_along(for_drive, way, step_m, turn_deg, settings.scans)
+        if len(poses) >= enough:
+            return scan_from_poses(for_laser, plan, space, poses, settings)
+    raise InputError(
+        f"building: no drivable building in {ATTEMPTS} attempts with seed {seed}; allow a longer extent, less clearance or fewer scans"
+    )
+
+
+def scan_from_poses(rng: np.random.Generator, plan, space, poses: np.ndarray, settings: BuildingSettings) -> Scans:
+    """What a laser at `poses` (S, 3; metres, radians) reports of `plan`, placed where a SLAM system believes it is."""
+    from hilbertvae.simulate.passers_by import draw_passers_by
+    from hilbertvae.simulate.shapes import edges
+
+    laser = _draw_laser(rng, settings.laser) if settings.draw_laser else settings.laser
+    solid, glass = (RayCaster(*extrude(edges(polygons))) for polygons in (plan.solids, plan.glass))
+    origins, directions = _beams(poses, laser)
+    people = draw_passers_by(rng, poses, space, settings.sweeps_per_passer_by * rng.choice([1.0, 4.0]))
+    ranges = sense(rng, laser, solid, glass, origins, directions, people.ranges(origins, directions))
+    believed_origins, believed_directions = _beams(_believed(rng, poses, settings), laser)
+    scan, beam = np.nonzero(np.isfinite(ranges))
+    points = believed_origins[scan, beam] + ranges[scan, beam, None] * believed_directions[scan, beam]
+    return Scans(points, believed_origins[scan, beam], scan.astype(np.int32), beam.astype(np.int32))
+
+
+def _beams(poses: np.ndarray, laser: LaserSettings) -> tuple[np.ndarray, np.ndarray]:
+    """Origins and unit directions, both (S, B, 2), of all beams of a level laser."""
+    angles = poses[:, 2:] + bearings(laser)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return np.broadcast_to(poses[:, None, :2], directions.shape), directions
+
+
+def _believed(rng, poses: np.ndarray, settings: BuildingSettings) -> np.ndarray:
+    """Poses with an error that wanders over about ten scans, so that a wall seen again later lies beside itself."""
+    memory = 0.9
+    shocks = (
+        rng.normal(size=poses.shape)
+        * rng.choice([0.6, 1.0, 1.5])
+        * [settings.pose_noise_m, settings.pose_noise_m, np.deg2rad(settings.heading_noise_deg)]
+    )
+    error = shocks.copy()
+    for k in range(1, len(error)):
+        error[k] = memory * error[k - 1] + np.sqrt(1 - memory**2) * shocks[k]
+    return poses + error
+
+
+def _draw_laser(rng, laser: LaserSettings) -> LaserSettings:
+    """Another robot's laser: half or one degree between beams, other noise, other misses and another longest range."""
+    return replace(
+        laser,
+        beams=int(laser.beams * rng.choice([1, 2])),
+        max_range_m=laser.max_range_m * rng.choice([0.85, 1.0, 1.3]),
+        range_noise_m=laser.range_noise_m * rng.uniform(0.6, 1.8),
+        miss_share=float(np.clip(laser.miss_share * rng.choice([0.3, 1.0, 3.0]), 0, 1)),
+        edge_mix_share=float(np.clip(laser.edge_mix_share * rng.uniform(0.0, 2.0), 0, 1)),
+    )

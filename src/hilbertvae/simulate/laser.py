@@ -1,0 +1,154 @@
+"""A laser scanner: rays against a triangle mesh in two or three dimensions, and what a real sensor makes of ranges."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from hilbertvae.checks import InputError, check_positive
+
+
+@dataclass(frozen=True)
+class LaserSettings:
+    """A planar laser and its faults.
+
+    miss_share: beams that return nothing for no visible reason. Real logs miss 1 to 13 % in all.
+    glass_return_share: of the beams that reach a pane, those that the pane itself returns; `glass_pass_share`: those
+    that go through and see what lies behind. The rest return nothing.
+    edge_mix_share: of the beams next to a depth edge, those that return a range between the two depths.
+    """
+
+    beams: int = 180
+    field_of_view_deg: float = 180.0
+    max_range_m: float = 30.0
+    range_noise_m: float = 0.015
+    range_step_m: float = 0.01
+    miss_share: float = 0.015
+    glass_return_share: float = 0.03
+    glass_pass_share: float = 0.6
+    edge_mix_share: float = 0.15
+
+    def __post_init__(self):
+        if isinstance(self.beams, bool) or not isinstance(self.beams, int) or self.beams < 1:
+            raise InputError(f"laser.beams: expected a positive whole number, got {self.beams!r}")
+        for name in ("field_of_view_deg", "max_range_m"):
+            check_positive(getattr(self, name), f"laser.{name}")
+        if self.field_of_view_deg > 360:
+            raise InputError(f"laser.field_of_view_deg: expected at most 360, got {self.field_of_view_deg!r}")
+        for name in ("range_noise_m", "range_step_m"):
+            if not np.isfinite(getattr(self, name)) or getattr(self, name) < 0:
+                raise InputError(f"laser.{name}: expected zero or a positive number, got {getattr(self, name)!r}")
+        for name in ("miss_share", "glass_return_share", "glass_pass_share", "edge_mix_share"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise InputError(f"laser.{name}: expected a share from 0 to 1, got {getattr(self, name)!r}")
+        if self.glass_return_share + self.glass_pass_share > 1:
+            raise InputError("laser.glass_return_share + laser.glass_pass_share: expected at most 1 together")
+
+
+class RayCaster:
+    """Distances along rays to the first surface of a triangle mesh.
+
+    vertices: (V, 3) float64, metres; faces: (F, 3) int. No faces: nothing is ever hit.
+    """
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray):
+        trimesh, embree = sim_extra("trimesh"), sim_extra("trimesh.ray.ray_pyembree")
+        self._corners = np.asarray(vertices, dtype=np.float64)[faces]
+        self._intersector = None
+        if len(faces):
+            normals = np.cross(self._corners[:, 1] - self._corners[:, 0], self._corners[:, 2] - self._corners[:, 0])
+            self._normals = normals
+            self._intersector = embree.RayMeshIntersector(trimesh.Trimesh(vertices, faces, process=False))
+
+    def ranges(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """(N,) float64 metres, inf where nothing is hit. Both arrays are (N, D), D 2 or 3; 2D rays run at height 0.
+
+        `directions` have unit length. embree works in float32, so it only names the triangle; the distance to its plane
+        is computed in float64.
+        """
+        distances = np.full(len(origins), np.inf)
+        if self._intersector is None or len(origins) == 0:
+            return distances
+        origins, directions = _lifted(origins), _lifted(directions)
+        triangle = self._intersector.intersects_first(origins, directions)
+        hit = np.flatnonzero(triangle >= 0)
+        normals = self._normals[triangle[hit]]
+        towards = self._corners[triangle[hit], 0] - origins[hit]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reached = (normals * towards).sum(axis=1) / (normals * directions[hit]).sum(axis=1)
+        distances[hit] = np.where(np.isfinite(reached) & (reached >= 0), reached, np.inf)
+        return distances
+
+
+def _lifted(vectors: np.ndarray) -> np.ndarray:
+    vectors = np.asarray(vectors, dtype=np.float64)
+    return vectors if vectors.shape[1] == 3 else np.column_stack([vectors, np.zeros(len(vectors))])
+
+
+def sim_extra(module: str):
+    """A module of the extra `sim`; an `InputError` that names the extra where it is not installed."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise InputError(
+            f"simulated buildings need the extra 'sim', and {error.name or module} is not installed: pip install hilbertvae[sim]"
+        ) from error
+
+
+def extrude(edges: np.ndarray, bottom_m: float = -1.0, top_m: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Upright faces over a plan's edges (E, 2, 2): vertices (4 E, 3), faces (2 E, 3). A level laser sees no lids."""
+    low = np.concatenate([edges, np.full((*edges.shape[:2], 1), bottom_m)], axis=2)
+    high = np.concatenate([edges, np.full((*edges.shape[:2], 1), top_m)], axis=2)
+    vertices = np.concatenate([low, high], axis=1).reshape(-1, 3)  # per edge: start, end, start above, end above
+    faces = 4 * np.arange(len(edges))[:, None, None] + np.array([[0, 1, 3], [0, 3, 2]])
+    return vertices, faces.reshape(-1, 3)
+
+
+def bearings(settings: LaserSettings) -> np.ndarray:
+    """(B,) radians from straight ahead, counter-clockwise: beam k at -fov / 2 + k * fov / beams, as in CARMEN logs."""
+    return np.deg2rad(settings.field_of_view_deg * (np.arange(settings.beams) / settings.beams - 0.5))
+
+
+def sense(
+    rng: np.random.Generator,
+    settings: LaserSettings,
+    solid: RayCaster,
+    glass: RayCaster,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    moving: np.ndarray | float = np.inf,
+) -> np.ndarray:
+    """What the laser reports: (S, B) float64 metres, NaN for no return.
+
+    `origins` and `directions` are (S, B, D); `moving` (S, B) are the ranges to what is in no mesh, people who pass by.
+    """
+    sweeps, dimension = origins.shape[:2], origins.shape[2]
+    flat = origins.reshape(-1, dimension), directions.reshape(-1, dimension)
+    ranges = np.minimum(solid.ranges(*flat).reshape(sweeps), moving)
+    to_glass = glass.ranges(*flat).reshape(sweeps)
+    fate = rng.random(sweeps)
+    at_glass = to_glass < ranges
+    ranges = np.where(at_glass & (fate < settings.glass_return_share), to_glass, ranges)
+    passes = settings.glass_return_share + settings.glass_pass_share
+    ranges = np.where(at_glass & (fate >= passes), np.inf, ranges)
+    ranges = _mixed_at_edges(rng, settings, ranges)
+    ranges = ranges + rng.normal(0.0, 1.0, sweeps) * settings.range_noise_m
+    if settings.range_step_m > 0:
+        ranges = np.round(ranges / settings.range_step_m) * settings.range_step_m
+    lost = rng.random(sweeps) < settings.miss_share
+    return np.where(lost | ~(ranges < settings.max_range_m) | (ranges <= 0.02), np.nan, ranges)
+
+
+def _mixed_at_edges(rng, settings: LaserSettings, ranges: np.ndarray) -> np.ndarray:
+    """A beam is a cone: beside an edge part of it goes on, and some sensors answer with a range in between."""
+    shorter = np.minimum(ranges[:, 1:], ranges[:, :-1])
+    with np.errstate(invalid="ignore"):
+        jump = np.abs(np.diff(ranges, axis=1))
+    # Over long gaps the two echoes are told apart, so only small jumps mix.
+    mixes = (jump > 0.1) & (jump < 1.5) & (rng.random(jump.shape) < settings.edge_mix_share)
+    mixed = shorter + rng.random(jump.shape) * np.where(mixes, jump, 0.0)
+    result = ranges.copy()
+    result[:, 1:] = np.where(mixes, mixed, result[:, 1:])
+    return result
