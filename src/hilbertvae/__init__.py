@@ -1,0 +1,21 @@
+"""Occupancy maps from laser scans, with gaps filled in by a network that learned how places go on."""
+
+__version__ = "0.1.0"
+__all__ = ["InputError", "cloud_from_scans", "evaluate", "load_mapper", "open_site"]
+
+_WHERE = {
+    "InputError": "hilbertvae.checks",
+    "cloud_from_scans": "hilbertvae.cloud",
+    "evaluate": "hilbertvae.scoring.protocol",
+    "load_mapper": "hilbertvae.mappers.loading",
+    "open_site": "hilbertvae.site",
+}
+
+
+def __getattr__(name: str):
+    # Late, so that `import hilbertvae` costs nothing and a command's --help does not wait for torch.
+    if name not in _WHERE:
+        raise AttributeError(f"module 'hilbertvae' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(_WHERE[name]), name)

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
+from hilbertvae.checks import InputError
 from hilbertvae.cloud import RESOLUTION_M, Cloud, fit_cloud, points_cloud, voxel_cloud, voxel_index
+from hilbertvae.scans.carmen import read_carmen
 from hilbertvae.scans.scan import Scans
+from hilbertvae.scans.sites import read_site
+from hilbertvae.simulate.building import BuildingSettings, simulate_building
 
 
 @dataclass(frozen=True)
@@ -72,3 +77,29 @@ class Site:
         low = every.min(axis=0)
         shape = tuple(every.max(axis=0) - low + 1)
         return np.isin(np.ravel_multi_index(tuple((every - low).T), shape), np.ravel_multi_index(tuple((seen - low).T), shape))
+
+
+SIMULATED = "simulated:"
+
+
+def read_scans(
+    reference: str, folder: str | None = None, download: bool = False, building: BuildingSettings | None = None
+) -> Scans:
+    """The scans of a site of the catalogue, of the simulated building `simulated:<seed>`, or of a CARMEN log's path.
+
+    Raises `InputError` for a reference that is none of these, and for files that can't be read.
+    """
+    if reference.startswith(SIMULATED):
+        seed = reference.removeprefix(SIMULATED)
+        if not seed.isdigit():
+            raise InputError(f"site {reference!r}: expected simulated:<seed>, a whole number")
+        return simulate_building(building or BuildingSettings(), int(seed))
+    if reference.endswith((".log", ".log.gz")):
+        return read_carmen(reference)
+    return read_site(reference, folder, download)
+
+
+def open_site(reference: str, resolution_m: float = 0.0, **reading) -> Site:
+    """The `Site` of a reference (see `read_scans`); a log's is named after its file."""
+    name = Path(reference).name if reference.endswith((".log", ".log.gz")) else reference
+    return Site(name, read_scans(reference, **reading), resolution_m)

@@ -19,7 +19,6 @@ from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, unit_weights
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 
-EVIDENCE_FEATURES = 4
 HIDDEN_GAP_M = 2.5
 """Diameter of the gaps that the `cluster` rule hides from the network while it fits its weights."""
 
@@ -75,7 +74,6 @@ class HilbertMap(Mapper):
         resolution_m = self.resolution_m or (network.resolution_m if network else RESOLUTION_M[dimension])
         cloud = Cloud(points, occupied, weight)
         self.evidence_ = Evidence(points, occupied, weight, resolution_m)
-        self.voxel_features_ = self.evidence_.features()
         self.rank_weights_ = self._rank_weights()
         self.frames_ = find_frames(cloud, self.grid_, self.seed)
         self.index_ = FrameIndex(self.frames_)
@@ -84,14 +82,14 @@ class HilbertMap(Mapper):
 
     def _rank_weights(self) -> RankWeights:
         if self.weights == "unit":
-            return unit_weights(self.neighbours, EVIDENCE_FEATURES)
+            return unit_weights(self.neighbours, self.evidence_.feature_count)
         if self.weights not in ("rank", "cluster"):
             raise InputError(f"weights: expected unit, rank or cluster, got {self.weights!r}")
         learned = self.reconstructor.weights if self.reconstructor else {}
         if self.calibration not in learned:
             if self.calibration not in ("voxels", "points"):
                 raise InputError(f"calibration: expected voxels or points, got {self.calibration!r}")
-            return unit_weights(self.neighbours, EVIDENCE_FEATURES)  # a network whose weights were never learned; raw grids
+            return unit_weights(self.neighbours, self.evidence_.feature_count)  # a network whose weights were never learned; raw grids
         weights = RankWeights.from_plain(learned[self.calibration])
         if len(weights.unseen) != self.neighbours + 1:
             raise InputError(f"neighbours: the weights were learned for {len(weights.unseen) - 1}, got {self.neighbours}")
@@ -115,15 +113,15 @@ class HilbertMap(Mapper):
         return fit_cluster_weights(values, holding, offset, weights[:-1], target.occupied, len(self.frames_), self.ridge)
 
     def features(self, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), evidence (Q, F) and whether any was seen (Q,)."""
+        """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, and the
+        evidence (S, F) of those whose was."""
         holding = self.index_.holding(queries, self.neighbours)
         values = kernel(self.grids_, self.frames_, queries, holding)
         if self.factors_ is not None:
             values *= np.where(holding != NONE, self.factors_[holding], 0.0)
-        if not self.evidence:
-            return values, (holding != NONE).sum(axis=1), np.zeros((len(queries), EVIDENCE_FEATURES)), np.zeros(len(queries), bool)
-        voxel = self.evidence_.find(queries)
-        return values, (holding != NONE).sum(axis=1), self.voxel_features_[voxel], voxel >= 0
+        voxel = self.evidence_.find(queries) if self.evidence else np.full(len(queries), NONE)
+        seen = voxel != NONE
+        return values, (holding != NONE).sum(axis=1), seen, self.evidence_.features(queries[seen], voxel[seen])
 
     def _probability(self, queries):
         return expit(self.rank_weights_.logit(*self.features(queries)))

@@ -28,11 +28,11 @@ class RankWeights:
     unseen: np.ndarray
     seen: np.ndarray
 
-    def logit(self, values: np.ndarray, held: np.ndarray, evidence: np.ndarray, seen: np.ndarray) -> np.ndarray:
-        """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, and `evidence (Q, F)` where `seen (Q,)`."""
-        logit = np.where(held > 0, values @ self.unseen[:-1] + self.unseen[-1], 0.0)
-        if seen.any():
-            logit[seen] = seen_features(values[seen], held[seen], evidence[seen]) @ self.seen
+    def logit(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
+        """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, and `evidence (S, F)` of those `seen (Q,)`."""
+        logit = np.where(held > 0, (values * self.unseen[:-1]).sum(axis=1) + self.unseen[-1], 0.0)
+        # Sums along rows, not a matrix product: BLAS rounds a row differently from batch to batch.
+        logit[seen] = (seen_features(values[seen], held[seen], evidence) * self.seen).sum(axis=1)
         return logit
 
     def plain(self) -> dict:
@@ -58,7 +58,7 @@ def unit_weights(nearest: int, evidence_features: int) -> RankWeights:
     return RankWeights(np.append(np.ones(nearest), 0.0), seen)
 
 
-def fit_rank_weights(values, held, evidence, seen, occupied) -> RankWeights:
+def fit_rank_weights(values, held, seen, evidence, occupied) -> RankWeights:
     """Rank weights from queries with known labels: kernel weights non-negative, the rest free, a light ridge for R(w)."""
     unseen = ~seen & (held > 0)
     if not unseen.any() or not seen.any():
@@ -66,7 +66,7 @@ def fit_rank_weights(values, held, evidence, seen, occupied) -> RankWeights:
     ranks = values.shape[1]
     features = np.column_stack([values[unseen], np.ones(np.count_nonzero(unseen))])
     in_gaps = fit_logistic(features, occupied[unseen], nonnegative=np.arange(ranks))
-    features = seen_features(values[seen], held[seen], evidence[seen])
+    features = seen_features(values[seen], held[seen], evidence)
     observed = fit_logistic(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]))
     return RankWeights(in_gaps, observed)
 

@@ -177,3 +177,19 @@ def ceiling(site: Site) -> dict[str, dict[str, float]]:
         scores = score(cloud.occupied[held_out], best[held_out].astype(float))
         found[reading] = {"precision": scores["precision"], "recall": scores["recall"]}
     return found
+
+
+def evaluate_all(mappers: dict[str, Mapper], site: Site, protocol: Protocol, progress=None) -> Result:
+    """One `Result` of all mappers by name. One that fails is named in `failed`, and the others are scored all the same."""
+    every = Result(site.name, site.dimension, protocol.gap_diameter_m, list(protocol.gap_seeds), ceiling(site), protocol=asdict(protocol))
+    for name, mapper in mappers.items():
+        try:
+            found = evaluate(mapper, site, protocol, name, progress)
+        except Exception as error:
+            every.failed[name] = f"{type(error).__name__}: {error}"
+            if progress:
+                progress(f"{name} on {site.name} failed: {every.failed[name]}")
+            continue
+        every.add(found)
+        every.gaps = found.gaps
+    return every

@@ -23,10 +23,10 @@ class Furnishing:
 
 
 EMPTY = Furnishing(0.02, 0.0, 0.0, 0.01, 0.0, 0.5)
-SPARSE = Furnishing(0.12, 0.01, 0.02, 0.03, 0.005, 0.6)
-OFFICE = Furnishing(0.40, 0.07, 0.12, 0.2, 0.01, 0.9)
+SPARSE = Furnishing(0.12, 0.01, 0.03, 0.06, 0.01, 0.6)
+OFFICE = Furnishing(0.40, 0.07, 0.14, 0.25, 0.015, 0.9)
 CRAMMED = Furnishing(0.60, 0.10, 0.25, 0.7, 0.015, 0.9)
-PASSAGE = Furnishing(0.10, 0.0, 0.0, 0.006, 0.002, 0.4)
+PASSAGE = Furnishing(0.10, 0.0, 0.0, 0.01, 0.004, 0.4)
 BARE_PASSAGE = Furnishing(0.05, 0.0, 0.0, 0.001, 0.001, 0.15)
 
 

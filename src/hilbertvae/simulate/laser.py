@@ -28,7 +28,7 @@ class LaserSettings:
     miss_share: float = 0.015
     glass_return_share: float = 0.03
     glass_pass_share: float = 0.6
-    edge_mix_share: float = 0.15
+    edge_mix_share: float = 0.2
 
     def __post_init__(self):
         if isinstance(self.beams, bool) or not isinstance(self.beams, int) or self.beams < 1:

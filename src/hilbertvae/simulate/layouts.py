@@ -31,7 +31,7 @@ class Sketch:
     """A building in the making.
 
     wall_m: thickness of inner walls; outer_wall_m: of outer walls.
-    floors: no two overlap, and where they are `wall_m` apart a wall stands between them.
+    floors: no two overlap, but for the passage to a wing; where they are `wall_m` apart a wall stands between them.
     solids: partitions, pillars and blocks that stand on the floors.
     """
 

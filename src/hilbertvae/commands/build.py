@@ -1,0 +1,29 @@
+"""Objects from configuration: the one place that calls `instantiate`, behind a list of what may be built."""
+
+from __future__ import annotations
+
+from hydra.errors import InstantiationException
+from hydra.utils import instantiate
+
+from hilbertvae.checks import InputError
+from hilbertvae.mappers.mapper import Mapper
+
+ALLOWED = ("hilbertvae.", "torch.", "lightning.")
+
+
+def build_mappers(specifications: dict[str, dict]) -> dict[str, Mapper]:
+    """Unfitted mappers by name; an `InputError` that names the key for one that can't be built."""
+    return {name: _build_mapper(name, specification) for name, specification in specifications.items()}
+
+
+def _build_mapper(name: str, specification: dict) -> Mapper:
+    target = specification.get("_target_") if isinstance(specification, dict) else None
+    if not isinstance(target, str) or not target.startswith(ALLOWED):
+        raise InputError(f"mapper.{name}._target_: expected a class below {', '.join(ALLOWED)}, got {target!r}")
+    try:
+        mapper = instantiate(specification, _convert_="all")
+    except InstantiationException as error:
+        raise InputError(f"mapper.{name}: {str(error).splitlines()[-1] if str(error) else error} ({error.__cause__})") from error
+    if not isinstance(mapper, Mapper):
+        raise InputError(f"mapper.{name}._target_: expected a Mapper, got {type(mapper).__name__}")
+    return mapper

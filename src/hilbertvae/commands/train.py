@@ -1,0 +1,72 @@
+"""`hilbertvae-train`: train a network and score its map beside others. The Hydra application."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import hydra
+from hydra.core.config_store import ConfigStore
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+
+import hilbertvae
+from hilbertvae.checks import InputError
+from hilbertvae.commands.build import build_mappers
+from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
+from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
+from hilbertvae.training.settings import Settings
+
+PACKAGE = Path(hilbertvae.__file__).parent
+# The wheel carries the folder inside the package; a checkout has it at the top.
+CONF = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parents[1] / "conf"
+
+store = ConfigStore.instance()
+store.store(name="settings_schema", node=Settings)
+store.store(group="network", name="gated_schema", node=GatedNetworkSettings)
+store.store(group="network", name="paper_schema", node=PaperNetworkSettings)
+
+
+def to_settings(config: DictConfig) -> Settings:
+    """The configuration as plain dataclasses, checked."""
+    settings = OmegaConf.to_object(config)
+    settings.check()
+    return settings
+
+
+def run(settings: Settings, command: list[str]) -> int:
+    """Train if a mapper needs it, score all, write everything; the exit code."""
+    from hilbertvae.reports.report import ReportWriter
+    from hilbertvae.training.hilbert_map_callback import score
+    from hilbertvae.training.train import train
+
+    mappers = build_mappers(settings.mapper)
+    write = ReportWriter(settings, command)
+    if not mappers or any(mapper.get_params(deep=False).get("reconstructor") == "trained" for mapper in mappers.values()):
+        train(settings, mappers, write)
+    else:
+        score(settings, mappers, None, write)
+    return write.close()
+
+
+@hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
+def _application(config: DictConfig) -> None:
+    try:
+        code = run(to_settings(config), sys.argv)
+    except InputError as error:
+        if HydraConfig.get().mode == RunMode.MULTIRUN:
+            raise
+        print(f"hilbertvae-train: {error}", file=sys.stderr)
+        sys.exit(2)
+    if code:
+        raise RuntimeError("a mapper failed; see the lines above and result.json")
+
+
+def main() -> None:
+    """Entry point."""
+    _application()
+
+
+if __name__ == "__main__":
+    main()

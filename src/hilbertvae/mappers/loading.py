@@ -1,0 +1,18 @@
+"""Mappers from trained weights."""
+
+from __future__ import annotations
+
+import os
+
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+
+
+def load_mapper(checkpoint: str | os.PathLike, **settings) -> HilbertMap:
+    """An unfitted `HilbertMap` with the network and the weights of `checkpoint` (a `.safetensors` that training wrote).
+
+    It needs no configuration and no site: `.fit(points, occupied, sample_weight=None)` on any cloud, `points (N, D)` in metres and
+    `occupied (N,)` bool, then `.predict_proba(queries)` -> (Q, 2), columns free and occupied. `settings` are the mapper's own, such as
+    `calibration="points"`. Raises `InputError` for a file that is missing, damaged or not ours.
+    """
+    return HilbertMap(Reconstructor.load(checkpoint), **settings)

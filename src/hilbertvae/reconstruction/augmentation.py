@@ -1,0 +1,56 @@
+"""What is done to a batch of training grids, so that no two epochs show the same: symmetries, and more gaps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from hilbertvae.reconstruction.symmetry import apply, symmetries
+
+
+@dataclass
+class AugmentationSettings:
+    """Drawn anew for every batch; all randomness comes from torch's global generator."""
+
+    symmetric: bool = True
+    """Flip and swap the horizontal axes."""
+    balls: int = 2
+    """Gaps cut from each input on top of the clustering's: one always, each further one in half of the grids."""
+    ball_diameter_cells: list[float] = field(default_factory=lambda: [10.0, 35.0])
+    """Range of their diameters; at cells of 0.1 m, 1 to 3.5 m."""
+
+
+def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings) -> tuple[Tensor, Tensor]:
+    """(shown, target), int8 (B, n, ..., n), moved by the same symmetry, grid by grid, and with balls cut from `shown`."""
+    if settings.symmetric:
+        moves = symmetries(target.ndim - 1)
+        order = torch.randperm(len(shown))
+        portions = [order[k :: len(moves)] for k in range(len(moves))]
+        moved = [(apply(shown[p], move), apply(target[p], move)) for p, move in zip(portions, moves, strict=True)]
+        shown, target = (torch.cat(parts) for parts in zip(*moved, strict=True))
+    for number in range(settings.balls):
+        inside = random_balls(target, settings.ball_diameter_cells)
+        if number:
+            inside &= (torch.rand(len(shown)) < 0.5).reshape(-1, *(1,) * (inside.ndim - 1))
+        shown = torch.where(inside, 0, shown)
+    return shown, target
+
+
+def random_balls(target: Tensor, diameter_cells: list[float]) -> Tensor:
+    """(B, n, ..., n) bool: one ball per grid, around a random occupied cell of it, moved by a uniform offset within its radius."""
+    batch, cells, dimension = len(target), target.shape[1], target.ndim - 1
+    low, high = diameter_cells
+    chance = torch.rand(batch, cells**dimension) * (target.flatten(1) > 0)
+    centre = torch.stack(torch.unravel_index(chance.argmax(dim=1), target.shape[1:]), dim=1).float()
+    radius = (low + (high - low) * torch.rand(batch)) / 2
+    offset = torch.randn(batch, dimension)
+    offset *= (radius * torch.rand(batch) ** (1 / dimension) / offset.norm(dim=1)).unsqueeze(1)
+    along = torch.arange(cells).float()
+    squared = torch.zeros(batch, *(1,) * dimension)
+    for d in range(dimension):
+        shape = [batch, *(1,) * dimension]
+        shape[1 + d] = cells
+        squared = squared + (along - (centre + offset)[:, d : d + 1]).square().reshape(shape)
+    return squared < radius.square().reshape(-1, *(1,) * dimension)

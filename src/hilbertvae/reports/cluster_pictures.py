@@ -1,0 +1,174 @@
+"""Clusters: one through the pipeline (the paper's Fig. 3), grids beside their reconstructions, and grids decoded from z ~ N(0, I)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
+from scipy.special import expit
+
+from hilbertvae.cloud import Cloud
+from hilbertvae.grids.aligned_grid import OCCUPIED, UNKNOWN
+from hilbertvae.grids.cluster_grids import bin_grids, find_frames
+from hilbertvae.grids.frame import Frames
+from hilbertvae.reconstruction.likelihood import LIKELIHOODS
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reports.canvas import new_figure, outline_cells, probability_bar, scale_bar, show_codes, show_probability
+from hilbertvae.reports.colours import ERROR, FREE_POINT_COLOUR, PROBABILITY, SELECTED_COLOUR
+from hilbertvae.reports.raster import Raster
+
+PIPELINE_CELLS = 700
+LEAST_HIDDEN = 20
+"""Occupied cells that a gap must hide for a cluster to be worth a row."""
+
+
+def kernel_probability(values: np.ndarray, likelihood: str) -> np.ndarray:
+    """p(occupied) of kernel values: a logit's sigmoid (`bernoulli`), or (k + 1) / 2 of the paper's tanh (`gaussian`)."""
+    return expit(values) if likelihood == "bernoulli" else (np.asarray(values) + 1) / 2
+
+
+def sheet(grid: np.ndarray, layer: int | None = None) -> np.ndarray:
+    """A grid (n, ..., n) as an image (rows, columns), x right and y up; of a 3D grid the horizontal `layer`, the middle one unless given."""
+    if grid.ndim == 3:
+        grid = grid[:, :, grid.shape[2] // 2 if layer is None else layer]
+    return grid.T
+
+
+def fullest_layer(target: np.ndarray) -> int | None:
+    """The horizontal layer of 3D `target` codes (n, n, n) with the most occupied cells; None in 2D."""
+    return int((target == OCCUPIED).sum(axis=(0, 1)).argmax()) if target.ndim == 3 else None
+
+
+def pipeline_picture(
+    cloud: Cloud, reconstructor: Reconstructor, whole: Cloud | None = None, cluster: int | None = None, seed: int = 0
+) -> Figure:
+    """Fig. 3: the cloud with one cluster selected, the cluster, its aligned grid, its reconstruction and, with `whole`, the truth.
+
+    cloud: what the mapper is given (`gaps.cut(site.fit)` for one with gaps). cluster: its number; unless given, the one with the
+    most occupied cells, or with `whole` the one from which the most were cut. In 3D all panels show one layer of that grid.
+    """
+    settings = reconstructor.grid
+    frames = find_frames(cloud, settings, seed)
+    shown = bin_grids(cloud, frames, settings)
+    target = bin_grids(whole, frames, settings) if whole is not None else shown
+    if cluster is None:
+        telling = (target == OCCUPIED) & (shown == UNKNOWN) if whole is not None else shown == OCCUPIED
+        cluster = int(telling.reshape(len(shown), -1).sum(axis=1).argmax())
+    layer = fullest_layer(target[cluster])
+    values = reconstructor.reconstruct(shown[[cluster]])[0]
+    probability = kernel_probability(values, reconstructor.likelihood.kind)
+
+    titles = ["cloud", "cluster", "aligned grid", "reconstruction"] + ["truth"] * (whole is not None)
+    # The unknown around a cloud is cut to 1 : 2 at most by its own shape, so that its panel stays in a row with square ones.
+    height_m = _layer_height(frames, cluster, layer, settings.cells)
+    raster = Raster.around(cloud.points, reconstructor.resolution_m, height_m=height_m)
+    aspect = float(np.clip(raster.columns / raster.rows, 0.5, 2.0))
+    figure = new_figure(3.1 * (aspect + len(titles) - 1) + 1.0, 3.5)
+    panels = figure.subplots(1, len(titles), width_ratios=[aspect] + [1] * (len(titles) - 1))
+    for axes, title in zip(panels, titles, strict=True):
+        axes.set_title(title, fontsize=10, loc="left", pad=3)
+
+    show_codes(panels[0], *raster.coarse(raster.codes(cloud), PIPELINE_CELLS))
+    _outline_frame(panels[0], frames, cluster, settings.cluster_diameter_m)
+    scale_bar(panels[0])
+    _scatter_cluster(panels[1], cloud, frames, cluster, settings.cluster_diameter_m, height_m, reconstructor.resolution_m)
+    show_codes(panels[2], sheet(shown[cluster], layer))
+    image = show_probability(panels[3], sheet(probability, layer))
+    if whole is not None:
+        show_codes(panels[4], sheet(target[cluster], layer))
+        for axes in panels[2:]:
+            outline_cells(axes, sheet((shown[cluster] == UNKNOWN) & (target[cluster] != UNKNOWN), layer))
+    probability_bar(figure, image, panels.tolist(), shrink=0.85)
+    return figure
+
+
+def _layer_height(frames: Frames, cluster: int, layer: int | None, cells: int) -> float | None:
+    if layer is None:
+        return None
+    return float(frames.centre[cluster, 2] + ((layer + 0.5) / cells - 0.5) * frames.scale[cluster])
+
+
+def _outline_frame(axes: Axes, frames: Frames, cluster: int, diameter_m: float) -> None:
+    """The cluster's ball and its grid's box, seen from above."""
+    corners = np.zeros((4, frames.centre.shape[1]))
+    corners[:, :2] = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]
+    corners = frames.back(corners, np.full(4, cluster))[:, :2]
+    axes.add_patch(Polygon(corners, fill=False, edgecolor=SELECTED_COLOUR, linewidth=1.4, zorder=5))
+    axes.add_patch(Circle(frames.centre[cluster, :2], diameter_m / 2, fill=False, edgecolor=SELECTED_COLOUR, linewidth=1.0, zorder=5))
+
+
+def _scatter_cluster(axes: Axes, cloud: Cloud, frames: Frames, cluster: int, diameter_m: float, height_m, resolution_m: float) -> None:
+    """The cluster's points in the map's axes, with its ball and its box; paler, those of the box alone, which fill the grid too."""
+    centre, number = frames.centre[cluster], np.full(len(cloud), cluster)
+    inside = np.linalg.norm(cloud.points - centre, axis=1) <= diameter_m / 2
+    shown = inside | (np.abs(frames.into(cloud.points, number)) <= 0.5).all(axis=1)
+    if height_m is not None:
+        shown &= np.abs(cloud.points[:, 2] - height_m) <= resolution_m / 2
+    for occupied, colour, size in ((False, FREE_POINT_COLOUR, 3), (True, PROBABILITY(1.0), 5)):
+        for ball, alpha in ((True, 1.0), (False, 0.35)):
+            points = cloud.points[shown & (inside == ball) & (cloud.occupied == occupied)]
+            axes.scatter(points[:, 0], points[:, 1], s=size, color=colour, alpha=alpha, linewidths=0)
+    _outline_frame(axes, frames, cluster, diameter_m)
+    reach = max(frames.scale[cluster] * math.sqrt(2) / 2 if frames.turned else frames.scale[cluster] / 2, diameter_m / 2) * 1.03
+    axes.set(xlim=(centre[0] - reach, centre[0] + reach), ylim=(centre[1] - reach, centre[1] + reach), aspect="equal", xticks=[], yticks=[])
+    for spine in axes.spines.values():
+        spine.set(color="#808080", linewidth=0.6)
+    scale_bar(axes)
+
+
+def gapped_clusters(shown: np.ndarray, target: np.ndarray, count: int = 6, seed: int = 0) -> np.ndarray:
+    """Random numbers of clusters from which a gap cut at least `LEAST_HIDDEN` occupied cells; fewer than `count` if there are fewer."""
+    hidden = ((target == OCCUPIED) & (shown == UNKNOWN)).reshape(len(shown), -1).sum(axis=1)
+    telling = np.flatnonzero(hidden >= LEAST_HIDDEN)
+    return np.sort(np.random.default_rng(seed).permutation(telling)[:count])
+
+
+def reconstruction_rows(shown: np.ndarray, target: np.ndarray, values: np.ndarray, likelihood: str = "bernoulli") -> Figure:
+    """A row per cluster: input | reconstruction | truth | error, what gaps cut from the input outlined.
+
+    shown, target: int8 codes (B, n, ..., n); values: kernel values of the same shape, as `Reconstructor.reconstruct` gives them. The
+    error is p - truth where the truth is known. Of 3D grids, each row shows the layer with the most occupied cells.
+    """
+    probability = kernel_probability(values, likelihood)
+    titles = ("input", "reconstruction", "truth", "error")
+    side = 1.9
+    figure = new_figure(side * 4 + 2.2, side * len(shown) + 0.3)
+    panels = figure.subplots(len(shown), 4, squeeze=False)
+    for axes, title in zip(panels[0], titles, strict=True):
+        axes.set_title(title, fontsize=10, pad=3)
+    for line, given, answer, truth in zip(panels, shown, probability, target, strict=True):
+        layer = fullest_layer(truth)
+        given, answer, truth = sheet(given, layer), sheet(answer, layer), sheet(truth, layer)
+        show_codes(line[0], given)
+        image = show_probability(line[1], answer)
+        show_codes(line[2], truth)
+        error = show_probability(line[3], np.ma.masked_where(truth == UNKNOWN, answer - (truth == OCCUPIED)))
+        error.set(cmap=ERROR, clim=(-1, 1))
+        for axes in line:
+            outline_cells(axes, (given == UNKNOWN) & (truth != UNKNOWN))
+    probability_bar(figure, image, panels[:, :3].ravel().tolist(), location="left", shrink=min(1.0, 3 / len(shown)))
+    bar = figure.colorbar(error, ax=panels[:, 3].tolist(), shrink=min(1.0, 3 / len(shown)), aspect=30, pad=0.02)
+    bar.set_ticks([-1, 0, 1], labels=["missed", "right", "invented"])
+    bar.ax.tick_params(labelsize=8, length=2)
+    bar.set_label("p(occupied) - truth", fontsize=9)
+    bar.outline.set(edgecolor="#808080", linewidth=0.6)
+    return figure
+
+
+def prior_picture(reconstructor: Reconstructor, columns: int = 8, rows: int = 3, seed: int = 0) -> Figure:
+    """Grids decoded from z ~ N(0, I) alone: what the decoder takes places to be like (II-C). Of 3D grids the middle layer."""
+    generator = torch.Generator().manual_seed(seed)
+    z = torch.randn(rows * columns, reconstructor.network_settings.latent, generator=generator)
+    network = reconstructor.network.eval().cpu()
+    with torch.inference_mode():
+        values = LIKELIHOODS[reconstructor.likelihood.kind].kernel_value(network.decode(z)).numpy()
+    figure = new_figure(1.4 * columns + 1.0, 1.45 * rows)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, probability in zip(panels, kernel_probability(values, reconstructor.likelihood.kind), strict=True):
+        image = show_probability(axes, sheet(probability))
+    probability_bar(figure, image, panels.tolist(), shrink=0.9, aspect=25)
+    return figure

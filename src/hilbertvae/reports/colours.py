@@ -1,0 +1,47 @@
+"""Colours that every picture shares, so that one colour means one thing in all of them."""
+
+from __future__ import annotations
+
+from itertools import count
+
+from matplotlib.colors import LinearSegmentedColormap
+
+PROBABILITY = LinearSegmentedColormap.from_list(
+    "free-unknown-occupied",
+    ["#f4faff", "#d7f3ff", "#c1e8ff", "#b5dbf9", "#b5cadb", "#b6b6b6", "#c39686", "#c86c54", "#a94b36", "#752e21", "#341715"],
+)
+"""p(occupied): free nearly white, unknown a grey without hue, occupied nearly black; bluish below 0.5 and reddish above.
+
+Lightness falls all the way, so that the order survives a grey print and any kind of colour blindness; hue is left to what matters, the
+side of 0.5 that an answer leans to. Interpolated in CIELAB: L 98, 88, 74, 50, 12 at p = 0, 1/4, 1/2, 3/4, 1."""
+
+ERROR = LinearSegmentedColormap.from_list("missed-invented", ["#2d0a6b", "#7b5bb5", "#ffffff", "#e39a3b", "#8a3b00"])
+"""p - truth: violet where occupied space was missed (-1), white where right, orange where it was invented (+1)."""
+ERROR.set_bad("#b6b6b6")
+
+UNKNOWN_COLOUR = "#b6b6b6"
+"""p = 0.5, and whatever has no answer."""
+GAP_COLOUR = "#009e73"
+"""Outlines of gaps: a green that neither map uses and that stays apart from both for the colour-blind (Okabe and Ito)."""
+FREE_POINT_COLOUR = "#6fa8d6"
+"""Free points drawn as dots, which are too small for the map's nearly white."""
+SELECTED_COLOUR = "#0050b0"
+"""The cluster that a picture is about."""
+
+OURS = "#a01818"
+OTHERS = ("#0072b2", "#009e73", "#d98a00", "#7b5bb5", "#56a4d9", "#7a7a7a", "#a6761d", "#c05a94")
+DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (5, 1.5, 1.2, 1.5)))
+
+
+def line_styles(names) -> dict[str, dict]:
+    """Keywords of `Axes.plot` by mapper: reconstructing ones (`cvae-hm...`) thick and in one colour, the others thin, each in its own."""
+    ours, others = count(), count()
+    styles = {}
+    for name in names:
+        if name.startswith("cvae-hm"):
+            styles[name] = {"color": OURS, "linestyle": DASHES[next(ours) % len(DASHES)], "linewidth": 2.2, "zorder": 4}
+        else:
+            turn = next(others)
+            dash = DASHES[turn // len(OTHERS) % len(DASHES)]
+            styles[name] = {"color": OTHERS[turn % len(OTHERS)], "linestyle": dash, "linewidth": 1.3, "zorder": 3}
+    return styles

@@ -1,0 +1,67 @@
+"""The paper's rows beside ours (section IV; METHOD 7)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from hilbertvae.reports.score_table import NOTHING, heading, markdown, mean_and_spread, percent
+from hilbertvae.scoring.result import Result
+
+
+class PaperRow(NamedTuple):
+    """Precision and recall in percent, as printed; `ours` names the mappers here that stand for it."""
+
+    name: str
+    observed: tuple[float, float]
+    gaps: tuple[float, float]
+    ours: tuple[str, ...]
+
+
+PAPER = {
+    2: (
+        PaperRow("GPOM", (90.60, 80.83), (34.61, 29.94), ("gpom",)),
+        PaperRow("LARD-HM", (80.44, 99.70), (53.58, 51.71), ("lard-hm",)),
+        PaperRow("CAE-HM", (77.82, 74.89), (45.22, 42.45), ("cae-hm-paper", "cae-hm")),
+        PaperRow("CVAE-HM", (96.64, 94.75), (90.86, 86.29), ("cvae-hm-paper", "cvae-hm-points")),
+    ),
+    3: (
+        PaperRow("OctoMap", (95.59, 94.99), (16.85, 21.94), ("octomap",)),
+        PaperRow("LARD-HM", (86.08, 96.58), (40.20, 38.62), ("lard-hm",)),
+        PaperRow("CAE-HM", (61.92, 64.53), (36.20, 34.26), ("cae-hm-paper", "cae-hm")),
+        PaperRow("CVAE-HM", (92.91, 89.68), (86.02, 81.27), ("cvae-hm-paper", "cvae-hm-points")),
+    ),
+}
+NOTE = (
+    "Scored on points, precision / recall in percent, mean±sd over gap seeds; differences in points of percent. The paper's observed rows are "
+    "on the points that were fitted, so ours stand beside them on fitted points, and on held-out beams. The paper does not say where its gaps "
+    "lie within a site, nor how many; ours are off the occupied points that they are drawn around."
+)
+
+
+def paper_table(result: Result) -> str:
+    """Markdown: paper | ours | difference, for what this result's dimension has in the paper; a mapper that was not run has empty cells."""
+    header = ["paper", "ours", "observed, paper", "fitted, ours", "held out, ours", "gaps, paper", "gaps, ours", "difference in gaps"]
+    rows = []
+    for row in PAPER[result.dimension]:
+        ours = [name for name in row.ours if name in result.scores] or [NOTHING]
+        for name in ours:
+            regions = result.scores.get(name, {}).get("points", {})
+            both = [_pair(regions.get(region, {})) for region in ("fitted", "observed", "gaps")]
+            difference = _difference(regions.get("gaps", {}), row.gaps)
+            rows.append([row.name, name, _printed(row.observed), both[0], both[1], _printed(row.gaps), both[2], difference])
+    return f"### {heading(result)}, beside the paper\n\n{markdown(header, rows)}\n\n{NOTE}\n"
+
+
+def _printed(pair: tuple[float, float]) -> str:
+    return f"{pair[0]:.2f} / {pair[1]:.2f}"
+
+
+def _pair(metrics: dict[str, list[float]]) -> str:
+    return f"{percent(metrics['precision'])} / {percent(metrics['recall'])}" if metrics else NOTHING
+
+
+def _difference(metrics: dict[str, list[float]], printed: tuple[float, float]) -> str:
+    if not metrics:
+        return NOTHING
+    pairs = zip(("precision", "recall"), printed, strict=True)
+    return " / ".join(f"{100 * mean_and_spread(metrics[metric])[0] - value:+.1f}" for metric, value in pairs)

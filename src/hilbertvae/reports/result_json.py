@@ -1,0 +1,81 @@
+"""`result.json`: a `Result` with what made it, written whole or not at all, and read back with its contract checked (METHOD 7)."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+
+from hilbertvae.checks import InputError
+from hilbertvae.files import write_json
+from hilbertvae.scoring.result import SCHEMA_VERSION, Result
+
+KEYS = {
+    "status": str, "site": str, "dimension": int, "gap_diameter_m": (int, float), "gap_seeds": list, "ceiling": dict, "scores": dict,
+    "seconds": dict, "failed": dict, "protocol": dict, "gaps": list, "curves": dict,
+}  # fmt: skip
+"""What every file has at top level, and of which type; whatever else stands there is about the run."""
+STATUSES = ("ok", "failed")
+
+
+def write_result(path: str | os.PathLike, result: Result, about: dict | None = None) -> Path:
+    """Write `result` to `path` atomically; `about` is what `provenance` gives. Raises `ValueError` for a number that is not finite."""
+    about = about or {}
+    taken = sorted(set(about) & {*KEYS, "schema_version"})
+    if taken:
+        raise ValueError(f"about: {', '.join(taken)} belong to the result itself")
+    write_json(path, result.plain(**about))
+    return Path(path)
+
+
+def read_result(path: str | os.PathLike) -> tuple[Result, dict]:
+    """The `Result` in a file and what the file says about the run; an `InputError` that names the file and the key otherwise."""
+    path = Path(path)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such result file") from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: not a result file, or damaged ({error})") from error
+    if not isinstance(content, dict) or "schema_version" not in content:
+        raise InputError(f"{path}: not a result file of hilbertvae: schema_version is missing")
+    version = content.pop("schema_version")
+    if version != SCHEMA_VERSION:
+        raise InputError(f"{path}: schema_version {version!r}, expected {SCHEMA_VERSION}; it was written by another version of hilbertvae")
+    for key, kind in KEYS.items():
+        if key not in content:
+            raise InputError(f"{path}: {key} is missing")
+        if not isinstance(content[key], kind) or isinstance(content[key], bool):
+            raise InputError(f"{path}: {key}: expected {_words(kind)}, got {content[key]!r:.60}")
+    if content["status"] not in STATUSES:
+        raise InputError(f"{path}: status: expected ok or failed, got {content['status']!r}")
+    _check_scores(path, content["scores"], len(content["gap_seeds"]))
+    values = {key: content.pop(key) for key in KEYS}
+    del values["status"]  # follows from `failed`
+    return Result(**values), content
+
+
+def _words(kind) -> str:
+    return {str: "text", int: "a whole number", (int, float): "a number", list: "a list", dict: "an object"}[kind]
+
+
+def _check_scores(path: Path, scores: dict, seeds: int) -> None:
+    """Each of scores[mapper][reading][region][metric] must be a list with one finite number per gap seed."""
+    for where, values in _leaves(path, scores, "scores", depth=4):
+        if not isinstance(values, list) or len(values) != seeds or not all(_is_number(value) for value in values):
+            raise InputError(f"{path}: {where}: expected {seeds} numbers, one per gap seed, got {values!r:.60}")
+
+
+def _leaves(path: Path, node, where: str, depth: int):
+    if depth == 0:
+        yield where, node
+        return
+    if not isinstance(node, dict):
+        raise InputError(f"{path}: {where}: expected an object, got {node!r:.60}")
+    for key, below in node.items():
+        yield from _leaves(path, below, f"{where}.{key}", depth - 1)
+
+
+def _is_number(value) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,88 @@
+"""Scores as pictures: precision over recall of every mapper, and how far probabilities can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from hilbertvae.reports.canvas import new_figure
+from hilbertvae.reports.colours import line_styles
+from hilbertvae.scoring.metrics import CALIBRATION_BINS, calibration_error
+from hilbertvae.scoring.result import Result
+
+FEWEST = 10
+"""Points that a bin of the reliability diagram needs: the share of fewer says nothing."""
+
+
+def precision_recall_picture(result: Result) -> Figure:
+    """Precision over recall inside gaps, a panel per reading: mean over gap seeds, bands from the lowest seed to the highest.
+
+    A dot is where the protocol's cut (p > 0.6) puts the mapper; grey lines join points of equal F1. Curves are `Result.curves`.
+    """
+    readings = [reading for reading in ("points", "voxels") if any(reading in curves for curves in result.curves.values())]
+    if not readings:
+        raise ValueError("result.curves: expected the curves of at least one mapper, got none")
+    figure = new_figure(5.0 * len(readings) + 1.6, 4.9)
+    panels = figure.subplots(1, len(readings), squeeze=False)[0]
+    styles = line_styles(result.curves)
+    handles = {}
+    for axes, reading in zip(panels, readings, strict=True):
+        _f1_lines(axes)
+        for name, style in styles.items():
+            seeds = np.array(result.curves[name].get(reading, []), dtype=float)
+            if not len(seeds):
+                continue
+            recall = np.linspace(0, 1, seeds.shape[1])
+            (handles[name],) = axes.plot(recall, seeds.mean(axis=0), **style)
+            if len(seeds) > 1:
+                axes.fill_between(recall, seeds.min(axis=0), seeds.max(axis=0), color=style["color"], alpha=0.12, linewidth=0)
+            gaps = result.scores.get(name, {}).get(reading, {}).get("gaps", {})
+            if np.mean(gaps.get("recall", [0.0])) > 0:
+                at_cut = np.mean(gaps["recall"]), np.mean(gaps["precision"])
+                axes.plot(*at_cut, "o", color=style["color"], markersize=5, markeredgecolor="white", zorder=5, clip_on=False)
+        axes.set_title(f"{result.site}, gaps of {result.gap_diameter_m:g} m, {reading}", fontsize=10, loc="left")
+        axes.set(xlim=(0, 1), ylim=(0, 1.005), xlabel="recall", ylabel="precision", aspect="equal")
+        axes.spines[["top", "right"]].set_visible(False)
+    figure.legend(handles.values(), handles.keys(), loc="outside right center", frameon=False, fontsize=9, handlelength=2.6)
+    return figure
+
+
+def _f1_lines(axes) -> None:
+    for f1 in (0.2, 0.4, 0.6, 0.8):
+        recall = np.linspace(f1 / (2 - f1), 1, 200)
+        axes.plot(recall, f1 * recall / (2 * recall - f1), color="#d8d8d8", linewidth=0.8, zorder=1)
+        axes.annotate(f"F1 {f1:g}", (1, f1 / (2 - f1)), (-2, 2), textcoords="offset points", fontsize=7, color="#9a9a9a", ha="right")
+
+
+def reliability_picture(answers: Mapping[str, tuple[np.ndarray, np.ndarray]], title: str = "") -> Figure:
+    """Share of occupied points over the probability that was given, in equal bins, with 95 % intervals; below, how many answers.
+
+    answers: by mapper, labels (Q,) bool and p(occupied) (Q,). On the diagonal a probability means what it says.
+    """
+    figure = new_figure(5.2, 5.8)
+    axes, counts = figure.subplots(2, 1, sharex=True, height_ratios=[4, 1])
+    axes.plot([0, 1], [0, 1], color="#9a9a9a", linewidth=1, zorder=1)
+    for (name, (occupied, probability)), style in zip(answers.items(), line_styles(answers).values(), strict=True):
+        mean, share, count = reliability(occupied, probability)
+        kept = count >= FEWEST
+        spread = 1.96 * np.sqrt(share * (1 - share) / np.maximum(count, 1))
+        label = f"{name}  (ECE {calibration_error(occupied, probability):.3f})"
+        axes.errorbar(mean[kept], share[kept], spread[kept], marker="o", markersize=4, elinewidth=0.8, label=label, **style)
+        counts.stairs(count, np.linspace(0, 1, len(count) + 1), color=style["color"], linestyle=style["linestyle"])
+    axes.set(xlim=(0, 1), ylim=(0, 1), ylabel="share that is occupied")
+    axes.set_title(title, fontsize=10, loc="left")
+    axes.legend(frameon=False, fontsize=9, loc="upper left")
+    counts.set(yscale="log", xlabel="p(occupied)", ylabel="answers")
+    for panel in (axes, counts):
+        panel.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def reliability(occupied: np.ndarray, probability: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(mean probability, share of occupied, number of answers), each (`CALIBRATION_BINS`,); the first two are 0 where there are none."""
+    bin_of = np.minimum((probability * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
+    count = np.bincount(bin_of, minlength=CALIBRATION_BINS)
+    mean, share = (np.bincount(bin_of, values, CALIBRATION_BINS) / np.maximum(count, 1) for values in (probability, occupied))
+    return mean, share, count

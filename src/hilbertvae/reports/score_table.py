@@ -1,0 +1,114 @@
+"""The final table: every mapper by observed and gaps, for both readings, on the console and as Markdown. It reads a `Result` and nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from hilbertvae.scoring.result import Result
+
+READINGS = ("points", "voxels")
+REGIONS = ("observed", "gaps")
+METRICS = {"precision": "prec.", "recall": "recall", "f1": "F1", "auc": "AUC"}
+BOLD = ("f1", "auc")
+"""Metrics of which the best is set in bold: whoever calls everything occupied has the best recall."""
+WIDE = 100
+"""Columns of a console from which on observed and gaps stand side by side."""
+NOTHING = "-"
+
+
+def mean_and_spread(values: list[float]) -> tuple[float, float | None]:
+    """Mean, and the standard deviation of a sample (n - 1); None for a single value."""
+    return float(np.mean(values)), float(np.std(values, ddof=1)) if len(values) > 1 else None
+
+
+def percent(values: list[float] | None) -> str:
+    """Mean +- standard deviation over gap seeds, in percent: `85.1±2.3`, or `85.1` of one seed."""
+    if not values:
+        return NOTHING
+    mean, spread = mean_and_spread(values)
+    return f"{100 * mean:.1f}" + (f"±{100 * spread:.1f}" if spread is not None else "")
+
+
+def rows_of(result: Result, reading: str, regions: tuple[str, ...] = REGIONS) -> list[list[str]]:
+    """A row of cells per mapper, the failed ones after those that were scored, and the ceiling last."""
+    columns = [(region, metric) for region in regions for metric in METRICS]
+    best = {column: _best(result, reading, *column) for column in columns if column[1] in BOLD}
+    rows = []
+    for name, readings in result.scores.items():
+        cells = [(column, readings.get(reading, {}).get(column[0], {}).get(column[1])) for column in columns]
+        rows.append([name, *(_bold(percent(values), bool(values) and np.mean(values) == best.get(column)) for column, values in cells)])
+    for name in result.failed:
+        if name not in result.scores:
+            rows.append([name, "failed", *[NOTHING] * (len(columns) - 1)])
+    ceiling = result.ceiling.get(reading, {})
+    cells = [percent([ceiling[metric]]) if region == "observed" and metric in ceiling else NOTHING for region, metric in columns]
+    return [*rows, ["ceiling", *cells]]
+
+
+def _best(result: Result, reading: str, region: str, metric: str) -> float | None:
+    found = [readings.get(reading, {}).get(region, {}).get(metric) for readings in result.scores.values()]
+    return max((np.mean(values) for values in found if values), default=None)
+
+
+def _bold(text: str, bold: bool) -> str:
+    return f"**{text}**" if bold else text
+
+
+def score_tables(result: Result, width: int = WIDE) -> list[Table]:
+    """Tables for a console of `width` columns: one per reading, or one per reading and region where it is narrow."""
+    together = [REGIONS] if width >= WIDE else [(region,) for region in REGIONS]
+    return [_console_table(result, reading, regions) for reading in READINGS for regions in together]
+
+
+def _console_table(result: Result, reading: str, regions: tuple[str, ...]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), title_justify="left", title=f"{heading(result)}, scored on {reading}")
+    table.add_column("\nmapper", no_wrap=True)
+    for region in regions:
+        for place, label in enumerate(METRICS.values()):
+            table.add_column(f"{region if place == 0 else ''}\n{label}", justify="right", no_wrap=True, min_width=9)
+    *rows, ceiling = rows_of(result, reading, regions)
+    for number, row in enumerate(rows):
+        table.add_row(*(f"[bold]{cell[2:-2]}[/bold]" if cell.startswith("**") else cell for cell in row), end_section=number == len(rows) - 1)
+    table.add_row(*ceiling, style="dim")
+    return table
+
+
+def heading(result: Result) -> str:
+    """What was scored, in a line."""
+    seeds = len(result.gap_seeds)
+    return f"{result.site} ({result.dimension}D), gaps of {result.gap_diameter_m:g} m, {seeds} gap seed{'s' if seeds > 1 else ''}"
+
+
+LEGEND = (
+    "In percent, mean±sd over gap seeds. observed: held-out beams outside gaps. Precision, recall and F1 at p > 0.6, AUC at all cuts. "
+    "ceiling: the best vote at the map's cell size."
+)
+
+
+def print_scores(result: Result, console: Console | None = None) -> None:
+    """Print the final table, what failed, and what the numbers are."""
+    console = console or Console()
+    for table in score_tables(result, console.width):
+        console.print(table)
+    for name, message in result.failed.items():
+        console.print(f"{name} failed: {message}", style="red", markup=False)
+    console.print(LEGEND, style="dim")
+
+
+def markdown_scores(result: Result) -> str:
+    """The same tables as Markdown, with what failed under them."""
+    header = ["mapper", *(f"{region} {label}" for region in REGIONS for label in METRICS.values())]
+    parts = [f"### {heading(result)}"]
+    for reading in READINGS:
+        parts.append(f"Scored on {reading}:\n\n" + markdown(header, rows_of(result, reading)))
+    parts += [f"{name} failed: {message}" for name, message in result.failed.items()]
+    return "\n\n".join([*parts, LEGEND]) + "\n"
+
+
+def markdown(header: list[str], rows: list[list[str]]) -> str:
+    """A Markdown table, the first column to the left and the others to the right."""
+    lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)

@@ -1,0 +1,175 @@
+"""Whole sites: the contact sheet (the paper's Fig. 4), a site before, with gaps and after, and zooms on its gaps (Fig. 5)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from hilbertvae.cloud import Cloud
+from hilbertvae.gaps import INSIDE, Gaps
+from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reports.canvas import new_figure, outline_gaps, probability_bar, scale_bar, show_codes, show_probability
+from hilbertvae.reports.raster import Raster
+from hilbertvae.scoring.result import Result
+from hilbertvae.site import Site
+
+SHEET_CELLS = 480
+"""Cells along the longer side of a site on the contact sheet."""
+MAP_CELLS = 1000
+"""Cells along the longer side of the drawn codes of a whole site."""
+
+
+def contact_sheet(sites: Sequence[tuple[Site, str]], columns: int = 4, height_m: float | None = None) -> Figure:
+    """Each site's voxels, free light, occupied dark, unknown grey, under its name and role; `sites` are (site, role).
+
+    height_m: of the slice through 3D sites; the middle of each site unless given.
+    """
+    columns = min(columns, len(sites))
+    rows = math.ceil(len(sites) / columns)
+    figure = new_figure(3.2 * columns, 3.3 * rows)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, (site, role) in zip(panels, sites, strict=False):
+        raster = Raster.around(site.voxels.points, site.resolution_m, 1.0, _height(site, height_m))
+        codes, extent = raster.coarse(raster.codes(site.voxels), SHEET_CELLS)
+        show_codes(axes, _squared(codes), _squared_extent(codes, extent))
+        scale_bar(axes)
+        axes.set_title(site.name, fontsize=10, fontweight="bold", loc="left", pad=3)
+        axes.set_title(role, fontsize=9, color="#555555", loc="right", pad=3)
+    for axes in panels[len(sites) :]:
+        axes.set_visible(False)
+    return figure
+
+
+def _height(site: Site, height_m: float | None) -> float | None:
+    if site.dimension == 2 or height_m is not None:
+        return height_m
+    return float(np.median(site.voxels.points[site.voxels.occupied, 2]))
+
+
+def _padding(shape: tuple[int, int]) -> list[tuple[int, int]]:
+    return [((max(shape) - length) // 2, max(shape) - length - (max(shape) - length) // 2) for length in shape]
+
+
+def _squared(codes: np.ndarray) -> np.ndarray:
+    """Codes in the middle of a square of unknown, so that sites of any shape stand in rows."""
+    return np.pad(codes, _padding(codes.shape))
+
+
+def _squared_extent(codes: np.ndarray, extent):
+    left, right, bottom, top = extent
+    cell = (right - left) / codes.shape[1]
+    (below, above), (before, behind) = _padding(codes.shape)
+    return left - before * cell, right + behind * cell, bottom - below * cell, top + above * cell
+
+
+def gaps_of(result: Result, site: Site, seed: int) -> Gaps:
+    """The gaps that a `Result` was scored on with this gap seed."""
+    ball = next(ball for ball in result.gaps if ball["seed"] == seed)
+    return Gaps(np.array(ball["centres"]), np.array(ball["radius_m"]), site.resolution_m)
+
+
+@dataclass(frozen=True)
+class SiteMaps:
+    """Images of one site on one raster: truth and shown (rows, columns) int8 codes, maps by mapper (rows, columns) p(occupied)."""
+
+    name: str
+    raster: Raster
+    gaps: Gaps
+    hidden: np.ndarray
+    """(G,) how many occupied voxels each gap hides."""
+    truth: np.ndarray
+    shown: np.ndarray
+    maps: dict[str, np.ndarray]
+
+    @classmethod
+    def draw(cls, site: Site, gaps: Gaps, mappers: Mapping[str, Mapper], height_m: float | None = None) -> SiteMaps:
+        """Ask every mapper, already fitted on `gaps.cut(site.fit)`, at each cell of the map's resolution (in 3D, of one slice)."""
+        height_m = _height(site, height_m)
+        raster = Raster.around(site.voxels.points, site.resolution_m, height_m=height_m)
+        return cls(
+            site.name,
+            raster,
+            gaps,
+            _hidden(site.voxels, gaps),
+            raster.codes(site.voxels),
+            raster.codes(gaps.cut(site.fit)),
+            {name: raster.probability(mapper) for name, mapper in mappers.items()},
+        )
+
+    def telling(self, count: int) -> list[int]:
+        """Numbers of gaps worth a closer look: from the one that hides the most occupied voxels down to the middle one, evenly.
+
+        So the choice knows the truth and no mapper's answer.
+        """
+        order = np.argsort(-self.hidden, kind="stable")
+        ranks = np.linspace(0, (len(order) - 1) / 2, min(count, (len(order) + 1) // 2)).round().astype(int)
+        return sorted(order[ranks].tolist())
+
+
+def _hidden(cloud: Cloud, gaps: Gaps) -> np.ndarray:
+    occupied = cloud.points[cloud.occupied]
+    balls = (Gaps(gaps.centres[[g]], gaps.radius_m[[g]], gaps.resolution_m) for g in range(len(gaps.centres)))
+    return np.array([np.count_nonzero(ball.part(occupied) == INSIDE) for ball in balls])
+
+
+def site_map_picture(site_maps: SiteMaps, zooms: int = 6) -> Figure:
+    """Before, with gaps (what mappers are given), and every mapper's map, gaps outlined; the zoomed ones have their numbers."""
+    raster, gaps = site_maps.raster, site_maps.gaps
+    panels = {"before": None, f"with {len(gaps.centres)} gaps: what mappers are given": None, **site_maps.maps}
+    aspect = raster.columns / raster.rows
+    rows, columns = _arranged(len(panels), aspect)
+    # As wide as a page allows, and no side of a panel longer than 9 inches.
+    width = min(15.0 / columns, 13.0 / rows * aspect, 9.0, 9.0 * aspect)
+    figure = new_figure(columns * width + 1.1, rows * (width / aspect + 0.3))
+    drawn = figure.subplots(rows, columns, squeeze=False).ravel()
+    numbers = {gap: str(gap + 1) for gap in site_maps.telling(zooms)}
+    image = None
+    for axes, (title, probability) in zip(drawn, panels.items(), strict=False):
+        if probability is None:
+            image = show_codes(axes, *raster.coarse(site_maps.truth if title == "before" else site_maps.shown, MAP_CELLS))
+        else:
+            image = show_probability(axes, probability, raster.extent)
+        outline_gaps(axes, gaps, raster.height_m, numbers=numbers)
+        axes.set(xlim=raster.extent[:2], ylim=raster.extent[2:])
+        scale_bar(axes)
+        axes.set_title(f"{site_maps.name}, {title}" if title == "before" else title, fontsize=10, loc="left", pad=3)
+    for axes in drawn[len(panels) :]:
+        axes.set_visible(False)
+    probability_bar(figure, image, drawn.tolist())
+    return figure
+
+
+def _arranged(panels: int, aspect: float) -> tuple[int, int]:
+    """(rows, columns) of equal panels, as near to a page's shape as can be without more than one place left empty."""
+    fits = [(math.ceil(panels / columns), columns) for columns in range(1, panels + 1)]
+    full = [(rows, columns) for rows, columns in fits if rows * columns - panels <= (panels > 4)]
+    return min(full, key=lambda shape: abs(math.log(shape[1] * aspect / shape[0] / 1.4)))
+
+
+def gap_zoom_picture(site_maps: SiteMaps, zooms: int = 6) -> Figure:
+    """A few gaps (`SiteMaps.telling`), one a column: the truth above, then every mapper's answer; windows of twice the diameter."""
+    raster, gaps, chosen = site_maps.raster, site_maps.gaps, site_maps.telling(zooms)
+    rows = {"truth": None, **site_maps.maps}
+    side = 2.1
+    figure = new_figure(side * len(chosen) + 1.3, side * len(rows) + 0.3)
+    panels = figure.subplots(len(rows), len(chosen), squeeze=False)
+    image = None
+    for line, (title, probability) in zip(panels, rows.items(), strict=True):
+        for axes, gap in zip(line, chosen, strict=True):
+            if probability is None:
+                image = show_codes(axes, site_maps.truth, raster.extent)
+                axes.set_title(f"gap {gap + 1}", fontsize=9, pad=3)
+            else:
+                image = show_probability(axes, probability, raster.extent)
+            outline_gaps(axes, gaps, raster.height_m, linewidth=1.5)
+            reach = 2 * gaps.radius_m[gap]
+            x, y = gaps.centres[gap, :2]
+            axes.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
+        line[0].set_ylabel(title, fontsize=10)
+    scale_bar(panels[0, 0])
+    probability_bar(figure, image, panels.ravel().tolist())
+    return figure

@@ -1,0 +1,40 @@
+"""A `Result` in TensorBoard: scores as scalars, pictures, the table and the settings. Tables are made from `result.json`, never from here."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from hilbertvae.reports.canvas import pixels
+from hilbertvae.reports.score_table import markdown_scores
+from hilbertvae.scoring.result import Result
+
+
+def score_scalars(result: Result) -> dict[str, float]:
+    """`score/<mapper>/<reading>/<region>/<metric>` by the mean over gap seeds."""
+    return {
+        f"score/{mapper}/{reading}/{region}/{metric}": float(np.mean(values))
+        for mapper, readings in result.scores.items()
+        for reading, regions in readings.items()
+        for region, metrics in regions.items()
+        for metric, values in metrics.items()
+    }
+
+
+def write_tensorboard(writer, result: Result, figures: Mapping[str, Figure] | None = None, config: dict | None = None, step: int = 0) -> None:
+    """Write everything to `writer`, a `torch.utils.tensorboard.SummaryWriter` or what acts like one.
+
+    figures: by tag, such as `site/map`, shown as images. config: plain containers, shown as text. step: of the training, for all.
+    """
+    for tag, value in score_scalars(result).items():
+        writer.add_scalar(tag, value, step)
+    for tag, figure in (figures or {}).items():
+        writer.add_image(tag, pixels(figure), step, dataformats="HWC")
+    writer.add_text("scores", markdown_scores(result), step)
+    if config is not None:
+        # Four spaces make a Markdown code block, whatever the text contains.
+        writer.add_text("config", "\n".join("    " + line for line in json.dumps(config, indent=2, default=str).splitlines()), step)
+    writer.flush()

@@ -1,0 +1,134 @@
+"""Training grids as a LightningDataModule: built once, vectorised, kept as int8 in memory and in cache files."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+
+import lightning as L
+import numpy as np
+import torch
+from joblib import Parallel, delayed
+from rich.progress import track
+from torch import Tensor
+from torch.utils.data import DataLoader, Dataset, Sampler
+
+from hilbertvae import __version__
+from hilbertvae.checks import InputError
+from hilbertvae.files import atomic, hash_of
+from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
+from hilbertvae.scans.sites import CATALOGUE
+from hilbertvae.site import SIMULATED, read_scans
+from hilbertvae.training.settings import Settings
+
+
+class GridPairs(Dataset):
+    """Pairs (shown, target) of int8 grids, fetched a whole batch at a time."""
+
+    def __init__(self, shown: np.ndarray, target: np.ndarray):
+        self.shown, self.target = torch.from_numpy(shown), torch.from_numpy(target)
+
+    def __len__(self) -> int:
+        return len(self.shown)
+
+    def __getitem__(self, chosen: list[int]) -> tuple[Tensor, Tensor]:
+        return self.shown[chosen], self.target[chosen]
+
+
+class EpochBatches(Sampler):
+    """`steps` batches, drawn from (seed, epoch): a checkpoint has no random state, and a resumed epoch must not replay another's."""
+
+    def __init__(self, count: int, batch_size: int, steps: int, seed: int):
+        self.count, self.batch_size, self.steps, self.seed = count, batch_size, steps, seed
+        self.epoch = 0
+
+    def set_epoch(self, epoch: int) -> None:
+        """Called by Lightning's loops at the start of every epoch."""
+        self.epoch = epoch
+
+    def __len__(self) -> int:
+        return self.steps
+
+    def __iter__(self):
+        rng = np.random.default_rng([self.seed, self.epoch])
+        wanted = self.steps * self.batch_size
+        order = np.concatenate([rng.permutation(self.count) for _ in range(-(-wanted // self.count))])
+        yield from order[:wanted].reshape(self.steps, self.batch_size).tolist()
+
+
+class GridsDataModule(L.LightningDataModule):
+    """Grids of all training sites, and of the validation site with fixed gaps."""
+
+    def __init__(self, settings: Settings):
+        super().__init__()
+        self.settings = settings
+        self.train_pairs: GridPairs | None = None
+        self.validation_pairs: GridPairs | None = None
+
+    def setup(self, stage: str | None = None) -> None:
+        if self.train_pairs is not None:
+            return
+        settings, data = self.settings, self.settings.data
+        jobs = [(name, seed) for name in data.train for seed in range(settings.clustering.clusterings)]
+        simulated = [f"simulated:{number}" for number in range(data.simulated)]
+        jobs += [(name, seed) for name in simulated for seed in range(data.simulated_clusterings)]
+        # The validation site's clusterings turn nothing: it is seen as it will be mapped.
+        validation = [(data.validate, seed) for seed in (1_000_001, 1_000_002)]
+        built = build_all(jobs + validation, settings)
+        self.train_pairs = GridPairs(*(np.concatenate(part) for part in zip(*built[: len(jobs)], strict=True)))
+        shown, target = (np.concatenate(part) for part in zip(*built[len(jobs) :], strict=True))
+        some = np.random.default_rng(0).permutation(len(shown))[: settings.trainer.validation_grids]
+        self.validation_pairs = GridPairs(shown[some], target[some])
+        if not len(self.train_pairs) or not len(self.validation_pairs):
+            raise InputError("data: expected clusters to train and to validate on, got none; is grid.minimum_points too large?")
+
+    def train_dataloader(self) -> DataLoader:
+        trainer = self.settings.trainer
+        batches = EpochBatches(len(self.train_pairs), trainer.batch_size, trainer.steps_per_epoch, self.settings.seed)
+        return DataLoader(self.train_pairs, sampler=batches, batch_size=None)
+
+    def val_dataloader(self) -> DataLoader:
+        count = len(self.validation_pairs)
+        size = min(self.settings.trainer.batch_size, count)
+        batches = [list(range(start, min(start + size, count))) for start in range(0, count, size)]
+        return DataLoader(self.validation_pairs, sampler=batches, batch_size=None)
+
+
+def build_all(jobs: list[tuple[str, int]], settings: Settings) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(shown, target) of each (site, clustering seed), from the cache or built on all cores, with progress."""
+    paths = [Path(settings.data.cache) / f"grids-{grids_hash(name, seed, settings)}.npy" for name, seed in jobs]
+    missing = {path: job for path, job in zip(paths, jobs, strict=True) if not path.exists()}
+    work = (delayed(_build)(path, *job, settings) for path, job in missing.items())
+    if missing:
+        results = Parallel(n_jobs=-1, return_as="generator_unordered")(work)
+        for _ in track(results, "Clustering sites", total=len(missing)):
+            pass
+    return [tuple(np.load(path)) for path in paths]
+
+
+def grids_hash(name: str, seed: int, settings: Settings) -> str:
+    """What names a cache file: all that its grids depend on."""
+    made_of = {
+        "version": __version__,
+        "site": asdict(CATALOGUE[name]) if name in CATALOGUE else name,
+        "building": asdict(settings.data.reading()["building"]) if name.startswith(SIMULATED) else None,
+        "seed": seed,
+        "resolution_m": settings.resolution_m,
+        "grid": asdict(settings.grid),
+        "gaps": settings.clustering.gap_diameter_m,
+        "turn": _turns(seed, settings.clustering),
+    }
+    return hash_of(made_of)
+
+
+def _turns(seed: int, clustering: ClusteringSettings) -> bool:
+    return clustering.turn and seed < 1_000_000
+
+
+def _build(path: Path, name: str, seed: int, settings: Settings) -> None:
+    data = settings.data
+    scans = read_scans(name, **data.reading())
+    clustering = ClusteringSettings(1, settings.clustering.gap_diameter_m, _turns(seed, settings.clustering))
+    pair = training_grids(scans, settings.resolution_m, settings.grid, clustering, seed)
+    with atomic(path) as temporary:
+        np.save(temporary, np.stack(pair))

@@ -1,0 +1,85 @@
+"""The reconstructive model as a LightningModule: the loss of Eq. 6 on augmented batches, and its optimiser."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+
+import lightning as L
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from hilbertvae.reconstruction.augmentation import augment
+from hilbertvae.reconstruction.likelihood import LIKELIHOODS, active_dimensions, free_bits, kl_divergence, kl_weight
+from hilbertvae.reconstruction.networks import build_network
+from hilbertvae.training.settings import Settings
+
+
+class ReconstructionModule(L.LightningModule):
+    """Trains a network on pairs of grids. All randomness of a step comes from (seed, step), so that a resumed run draws the same."""
+
+    def __init__(self, settings: Settings):
+        super().__init__()
+        self.settings = settings
+        self.save_hyperparameters({"settings": asdict(settings)})  # plain containers: anything else would not load again
+        self.network = build_network(settings.network, settings.dimension, settings.grid.cells)
+        if settings.dimension == 2:
+            self.network = self.network.to(memory_format=torch.channels_last)
+        self.likelihood = LIKELIHOODS[settings.likelihood.kind](settings.likelihood)
+        self.total_steps = settings.trainer.epochs * settings.trainer.steps_per_epoch
+
+    def training_step(self, batch: tuple[Tensor, Tensor], number: int) -> Tensor:
+        trainer = self.settings.trainer
+        torch.manual_seed(hash((self.settings.seed, self.global_step)) % 2**63)
+        shown, target = augment(*batch, self.settings.augmentation)
+        found = self.network(shown)
+        fit = self.likelihood(found.output, target, shown).mean()
+        loss = fit
+        if found.std is not None:
+            kl = kl_divergence(found.mean.float(), found.std.float())
+            weight = trainer.kl_weight * kl_weight(self.global_step, int(trainer.kl_warmup_share * self.total_steps))
+            loss = fit + weight * free_bits(kl, trainer.free_nats)
+            self.log("train/kl_nats", kl.sum(dim=1).mean())
+            self.log("train/active_latents", active_dimensions(kl).float())
+        if not torch.isfinite(loss):
+            raise FloatingPointError(f"training loss is {loss.item()} at step {self.global_step}: lower trainer.learning_rate, or use precision 32-true")
+        self.log("train/nll_per_grid", fit, prog_bar=True)
+        self.log("train/loss", loss)
+        return loss
+
+    def validation_step(self, batch: tuple[Tensor, Tensor], number: int) -> None:
+        shown, target = batch
+        found = self.network(shown)
+        removed = (shown == 0) & (target != 0)
+        fit = self.likelihood(found.output, target, shown).mean()
+        self.log("val/nll_per_grid", fit, batch_size=len(shown))
+        # Early stop and best weights go by this: gaps are what the network is for, and what it overfits on.
+        value = self.likelihood.kernel_value(found.output)
+        probability = torch.sigmoid(value) if self.settings.likelihood.kind == "bernoulli" else (value + 1) / 2
+        gap = F.binary_cross_entropy(probability[removed].clamp(1e-4, 1 - 1e-4), (target[removed] > 0).float())
+        self.log("val/gap_nll", gap, prog_bar=True, batch_size=int(removed.sum()))
+
+    def on_before_optimizer_step(self, optimizer: torch.optim.Optimizer) -> None:
+        """A step whose gradient is not finite is skipped and counted, not taken."""
+        norm = torch.nn.utils.get_total_norm([p.grad for p in self.parameters() if p.grad is not None])
+        if not torch.isfinite(norm):
+            optimizer.zero_grad(set_to_none=True)
+            self.log("train/skipped_step", 1.0, reduce_fx="sum")
+            return
+        self.log("train/gradient_norm", norm)
+
+    def configure_optimizers(self):
+        trainer = self.settings.trainer
+        matrices = [p for p in self.network.parameters() if p.ndim > 1]
+        others = [p for p in self.network.parameters() if p.ndim <= 1]
+        groups = [{"params": matrices, "weight_decay": trainer.weight_decay}, {"params": others, "weight_decay": 0.0}]
+        optimizer = torch.optim.AdamW(groups, lr=trainer.learning_rate, betas=(0.9, 0.95))
+        warmup = max(1, int(trainer.warmup_share * self.total_steps))
+
+        def rate(step: int) -> float:
+            along = min(1.0, step / self.total_steps)
+            return min(1.0, (step + 1) / warmup) * (0.01 + 0.99 * 0.5 * (1 + math.cos(math.pi * along)))
+
+        schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, rate)
+        return {"optimizer": optimizer, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}

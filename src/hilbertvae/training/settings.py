@@ -1,0 +1,113 @@
+"""All settings of a run: the Hydra schema, and the argument of `train`. Defaults stand here and in the parts named here, nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from hilbertvae.checks import InputError, check_positive
+from hilbertvae.grids.cluster_grids import GridSettings
+from hilbertvae.grids.training_grids import ClusteringSettings
+from hilbertvae.reconstruction.augmentation import AugmentationSettings
+from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
+from hilbertvae.reconstruction.likelihood import LikelihoodSettings
+from hilbertvae.scoring.protocol import Protocol
+from hilbertvae.simulate.building import BuildingSettings
+
+
+@dataclass
+class DataSettings:
+    """Which sites play which part. A site is a name of the catalogue, `simulated:<seed>`, or the path of a CARMEN log."""
+
+    train: list[str] = field(default_factory=list)
+    validate: str = "simulated:900001"
+    test: list[str] = field(default_factory=lambda: ["simulated:900002"])
+    simulated: int = 0
+    """Simulated buildings to train on, beside the sites of `train`; seeds 0, 1, ..."""
+    simulated_clusterings: int = 2
+    """Times each simulated building is clustered; real sites take `clustering.clusterings`."""
+    simulated_scans: int = 700
+    """At most so many sweeps in a simulated building."""
+    simulated_extent_m: list[float] = field(default_factory=lambda: [30.0, 95.0])
+    """Range of a simulated building's length."""
+    folder: str | None = None
+    """Where real sites lie; by default `HILBERTVAE_DATA`, else ../shared/data, else the user's cache folder."""
+    download: bool = False
+    """Fetch real sites that are not there."""
+    cache: str = "outputs/cache"
+    """Where training grids are kept, under the hash of what made them."""
+
+    def reading(self) -> dict:
+        """The keyword arguments of `hilbertvae.site.read_scans`."""
+        shortest, longest = self.simulated_extent_m
+        building = BuildingSettings(scans=self.simulated_scans, shortest_extent_m=shortest, longest_extent_m=longest)
+        return {"folder": self.folder, "download": self.download, "building": building}
+
+
+@dataclass
+class TrainerSettings:
+    """How a network is trained. One epoch is `steps_per_epoch` batches; checkpoints are written at its end."""
+
+    epochs: int = 12
+    steps_per_epoch: int = 250
+    batch_size: int = 64
+    learning_rate: float = 2e-3
+    weight_decay: float = 0.02
+    warmup_share: float = 0.02
+    """Share of all steps over which the learning rate rises; then it falls as a cosine."""
+    kl_weight: float = 1.0
+    kl_warmup_share: float = 0.2
+    free_nats: float = 0.05
+    """KL per latent dimension that costs nothing."""
+    gradient_clip: float = 1000.0
+    patience_epochs: int = 0
+    """Epochs without a better validation loss after which training ends; 0 trains to the end. The best weights are kept either way."""
+    validation_grids: int = 1024
+    precision: str = "bf16-mixed"
+    threads: int = 0
+    """Threads of torch; 0 leaves its own choice. Bits depend on it."""
+    accelerator: str = "auto"
+    devices: int = 1
+
+
+@dataclass
+class Settings:
+    """One run of `hilbertvae-train`."""
+
+    name: str = "run"
+    output: str = "outputs/${name}"
+    seed: int = 0
+    dimension: int = 2
+    resolution_m: float = 0.1
+    data: DataSettings = field(default_factory=DataSettings)
+    clustering: ClusteringSettings = field(default_factory=ClusteringSettings)
+    grid: GridSettings = field(default_factory=GridSettings)
+    augmentation: AugmentationSettings = field(default_factory=AugmentationSettings)
+    network: Any = field(default_factory=GatedNetworkSettings)
+    likelihood: LikelihoodSettings = field(default_factory=LikelihoodSettings)
+    trainer: TrainerSettings = field(default_factory=TrainerSettings)
+    evaluation: Protocol = field(default_factory=Protocol)
+    calibration_seeds: list[int] = field(default_factory=lambda: [100, 101, 102, 103, 104])
+    """Gap seeds on the validation site that the Hilbert Map's `rank` weights are learned from; not those that it is scored on."""
+    mapper: dict[str, Any] = field(default_factory=dict)
+    """What is scored: by name, `_target_` and settings of an estimator."""
+    pictures: bool = True
+
+    def check(self) -> None:
+        """An `InputError` that names the key for the first value that makes no run."""
+        if self.dimension not in (2, 3):
+            raise InputError(f"dimension: expected 2 or 3, got {self.dimension}")
+        check_positive(self.resolution_m, "resolution_m")
+        self.grid.check()
+        self.evaluation.check()
+        if not self.data.train and not self.data.simulated:
+            raise InputError("data.train: expected at least one site, or data.simulated buildings, got neither")
+        if self.data.validate in self.data.train:
+            raise InputError(f"data.validate: {self.data.validate!r} is also trained on")
+        both = sorted(set(self.data.test) & {*self.data.train, self.data.validate})
+        if both:
+            raise InputError(f"data.test: {', '.join(both)} is also trained or validated on")
+        for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids"):
+            check_positive(getattr(self.trainer, key), f"trainer.{key}")
+        if self.trainer.kl_warmup_share < 0.2:
+            raise InputError(f"trainer.kl_warmup_share: expected at least 0.2, got {self.trainer.kl_warmup_share}")

@@ -1,0 +1,91 @@
+"""`train(settings) -> checkpoint`: one function that sweeps, commands and tests all call."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+import lightning as L
+import torch
+from lightning.pytorch.callbacks import EarlyStopping, LearningRateMonitor, ModelCheckpoint, TQDMProgressBar
+from lightning.pytorch.loggers import TensorBoardLogger
+
+from hilbertvae.checks import InputError
+from hilbertvae.files import hash_of, write_json
+from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.training.grids_datamodule import GridsDataModule
+from hilbertvae.training.hilbert_map_callback import HilbertMapCallback, Writer
+from hilbertvae.training.reconstruction_module import ReconstructionModule
+from hilbertvae.training.settings import Settings
+
+BEST = {"monitor": "val/gap_nll", "mode": "min"}
+
+
+def training_hash(settings: Settings) -> str:
+    """The hash of what can change a trained network: not of paths, devices, or what is scored afterwards."""
+    made_of = asdict(settings)
+    for key in ("name", "output", "mapper", "pictures", "evaluation"):
+        made_of.pop(key)
+    for key in ("folder", "download", "cache", "test"):
+        made_of["data"].pop(key)
+    for key in ("accelerator", "devices"):
+        made_of["trainer"].pop(key)
+    return hash_of(made_of)
+
+
+def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: Writer | None = None) -> Path:
+    """Train a network, learn its Hilbert Map's weights on the validation site, and return the path of `model.safetensors`.
+
+    mappers: by name, what is scored on the test sites afterwards; `write(result, site, fitted)` is handed each `Result`. A run that
+    was interrupted goes on from its last epoch, if its settings are the same. Raises `InputError` for bad settings, and
+    `FloatingPointError` for a loss that is not finite.
+    """
+    settings.check()
+    output = Path(settings.output)
+    if settings.trainer.threads:
+        torch.set_num_threads(settings.trainer.threads)
+    L.seed_everything(settings.seed, verbose=False)
+    resume = _last_epoch(output, settings)
+    checkpoints = ModelCheckpoint(output / "checkpoints", "best", save_last=True, enable_version_counter=False, **BEST)
+    after_fit = HilbertMapCallback(settings, mappers or {}, write)
+    callbacks = [checkpoints, after_fit, LearningRateMonitor("step"), TQDMProgressBar(refresh_rate=10)]
+    if settings.trainer.patience_epochs:
+        callbacks.append(EarlyStopping(patience=settings.trainer.patience_epochs, check_finite=True, **BEST))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*does not have many workers.*")
+        warnings.filterwarnings("ignore", message=".*`isinstance.treespec, LeafSpec.`.*")
+        warnings.filterwarnings("ignore", message=".*exists and is not empty.*")
+        trainer = L.Trainer(
+            accelerator=settings.trainer.accelerator,
+            devices=settings.trainer.devices,
+            precision=settings.trainer.precision,
+            max_epochs=settings.trainer.epochs,
+            gradient_clip_val=settings.trainer.gradient_clip,
+            logger=TensorBoardLogger(output, name="", version="tensorboard", default_hp_metric=False),
+            callbacks=callbacks,
+            log_every_n_steps=10,
+            num_sanity_val_steps=0,
+            use_distributed_sampler=False,
+            enable_model_summary=False,
+        )
+        trainer.fit(ReconstructionModule(settings), GridsDataModule(settings), ckpt_path=resume, weights_only=True)
+    if after_fit.checkpoint is None:
+        raise KeyboardInterrupt(f"training was interrupted; the same command goes on from the last epoch in {output}")
+    return after_fit.checkpoint
+
+
+def _last_epoch(output: Path, settings: Settings) -> Path | None:
+    """The checkpoint to go on from; an `InputError` if the folder holds a run with other settings."""
+    mark, last = output / "training.json", output / "checkpoints" / "last.ckpt"
+    made_of = {"training_hash": training_hash(settings)}
+    if last.exists():
+        import json
+
+        found = json.loads(mark.read_text()) if mark.exists() else {}
+        if found.get("training_hash") != made_of["training_hash"]:
+            raise InputError(f"output: {output} holds a run with other settings; choose another `name`, or remove the folder")
+        return last
+    write_json(mark, made_of)
+    return None

@@ -1,0 +1,101 @@
+"""Simulated buildings as a whole."""
+
+import builtins
+
+import numpy as np
+import pytest
+
+from hilbertvae.checks import InputError
+from hilbertvae.simulate.building import STYLES, BuildingSettings, simulate_building
+from hilbertvae.simulate.laser import LaserSettings
+
+TINY = BuildingSettings(shortest_extent_m=8, longest_extent_m=10, scans=8)
+
+
+@pytest.fixture
+def sim():
+    pytest.importorskip("embreex")
+    pytest.importorskip("shapely")
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_same_seed_gives_the_same_bits(sim, seed):
+    first, again = simulate_building(TINY, seed), simulate_building(TINY, seed)
+    for name in ("points", "origins", "scan", "beam"):
+        assert getattr(first, name).tobytes() == getattr(again, name).tobytes()
+
+
+def test_another_seed_gives_another_building(sim):
+    first, other = simulate_building(TINY, 0), simulate_building(TINY, 1)
+    assert len(first) != len(other) or not np.array_equal(first.points, other.points)
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_scans_are_what_a_laser_returns(sim, style):
+    settings = BuildingSettings(style, 20, 30, scans=60, draw_laser=False, laser=LaserSettings(max_range_m=6.0))
+    scans = simulate_building(settings, 3)
+    ranges = np.linalg.norm(scans.points - scans.origins, axis=1)
+    assert scans.dimension == 2 and scans.points.dtype == np.float64
+    assert scans.scan.dtype == np.int32 and (np.diff(scans.scan) >= 0).all() and scans.scan.max() == 59
+    assert scans.beam.min() >= 0 and scans.beam.max() < 180
+    assert ranges.min() > 0 and ranges.max() < 6.0
+    assert len(scans) > 60 * 180 / 3
+
+
+def test_pose_noise_moves_the_map_by_centimetres_only(sim):
+    still = BuildingSettings("corridors", 20, 20, scans=50, pose_noise_m=0, heading_noise_deg=0)
+    exact = simulate_building(still, 4)
+    noisy = simulate_building(BuildingSettings("corridors", 20, 20, scans=50), 4)
+    moved = np.linalg.norm(exact.origins - noisy.origins, axis=1)
+    assert 0 < moved.max() < 0.2
+
+
+def test_a_site_with_nobody_walking(sim):
+    assert len(simulate_building(BuildingSettings("hall", 12, 12, scans=10, sweeps_per_passer_by=float("inf")), 1))
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"style": "castle"}, r'building.style: expected "any" or one of corridors'),
+        ({"shortest_extent_m": 50.0, "longest_extent_m": 40.0}, "building.shortest_extent_m: expected at least 6 and at most"),
+        ({"shortest_extent_m": 2.0}, "building.shortest_extent_m: expected at least 6"),
+        ({"longest_extent_m": float("inf")}, "building.longest_extent_m: expected a positive number"),
+        ({"scans": 0}, "building.scans: expected a positive whole number"),
+        ({"clearance_m": -0.1}, "building.clearance_m: expected a positive number"),
+        ({"pose_noise_m": -0.1}, "building.pose_noise_m: expected zero or a positive number"),
+        ({"sweeps_per_passer_by": 0.5}, "building.sweeps_per_passer_by: expected at least 1"),
+    ],
+)
+def test_bad_settings_are_named(setting, message):
+    with pytest.raises(InputError, match=message):
+        BuildingSettings(**setting)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, None])
+def test_a_bad_seed_is_named(seed):
+    with pytest.raises(InputError, match="seed: expected a whole number of at least 0"):
+        simulate_building(TINY, seed)
+
+
+def test_a_building_nobody_can_drive_through_is_named(sim):
+    with pytest.raises(InputError, match="no drivable building in"):
+        simulate_building(BuildingSettings("corridors", 8, 8, clearance_m=9.0), 0)
+
+
+def test_a_missing_extra_is_named(monkeypatch):
+    real_import = builtins.__import__
+
+    def no_shapely(name, *rest, **named):
+        if name.split(".")[0] == "shapely":
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        return real_import(name, *rest, **named)
+
+    import sys
+
+    for name in [name for name in sys.modules if name.split(".")[0] == "shapely"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "shapely", None)
+    monkeypatch.setattr(builtins, "__import__", no_shapely)
+    with pytest.raises(InputError, match=r"shapely is not installed: pip install hilbertvae\[sim\]"):
+        simulate_building(TINY, 0)

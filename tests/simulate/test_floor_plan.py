@@ -1,0 +1,63 @@
+"""Floor plans: what stands where, and doors that join floors."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("embreex")
+shapely = pytest.importorskip("shapely")
+
+from hilbertvae.simulate.floor_plan import draw_floor_plan  # noqa: E402
+from hilbertvae.simulate.free_space import find_free_space, inside  # noqa: E402
+from hilbertvae.simulate.layouts import LAYOUTS, Sketch  # noqa: E402
+from hilbertvae.simulate.shapes import edges  # noqa: E402
+
+
+@pytest.mark.parametrize("style", LAYOUTS)
+def test_plans_are_the_same_for_the_same_seed_and_differ_otherwise(style):
+    first, again, other = (draw_floor_plan(np.random.default_rng(seed), 30.0, style) for seed in (0, 0, 1))
+    assert shapely.to_wkb(first.solids).tolist() == shapely.to_wkb(again.solids).tolist()
+    assert shapely.to_wkb(first.solids).tolist() != shapely.to_wkb(other.solids).tolist()
+
+
+def test_rooms_keep_a_walls_thickness_apart():
+    sketch = Sketch(wall_m=0.2, outer_wall_m=0.3)
+    sketch.add(shapely.box(0, 0, 5, 4), "room")
+    sketch.add(shapely.box(4, 0, 9, 4), "room")
+    first, second = (floor.polygon for floor in sketch.floors)
+    assert first.distance(second) == pytest.approx(0.2, abs=2e-3)
+
+
+def test_some_plans_have_glass():
+    assert any(len(draw_floor_plan(np.random.default_rng(seed), 30.0, "corridors").glass) for seed in range(8))
+
+
+@pytest.mark.parametrize("style", LAYOUTS)
+def test_furniture_stays_on_floors_and_leaves_most_of_them_free(style):
+    plan = draw_floor_plan(np.random.default_rng(3), 30.0, style)
+    area = sum(floor.polygon.area for floor in plan.floors)
+    solid = shapely.union_all(plan.solids, grid_size=1e-3)
+    free = sum(shapely.make_valid(floor.polygon).difference(solid, grid_size=1e-3).area for floor in plan.floors)
+    assert 0.5 * area < free <= area + 0.1
+
+
+def test_free_space_is_never_wider_than_it_is():
+    plan = draw_floor_plan(np.random.default_rng(5), 20.0, "corridors")
+    space = find_free_space(plan)
+    rng = np.random.default_rng(0)
+    points = rng.uniform(space.lower, space.lower + space.cell_m * np.array(space.clearance_m.shape[::-1]), (4000, 2))
+    clearance = space.at(points)
+    truth = shapely.distance(shapely.points(points), shapely.GeometryCollection(list(plan.solids)))
+    assert (clearance > 0).sum() > 200
+    assert (clearance <= truth + 1e-9).all()
+
+
+def test_raster_equals_point_in_polygon():
+    plan = draw_floor_plan(np.random.default_rng(2), 15.0, "hall")
+    lower, cells, cell_m = np.array([-20.0, -20.0]), np.array([200, 190]), 0.2
+    drawn = inside(edges(plan.solids), lower, cells, cell_m)
+    j, i = np.indices(drawn.shape)
+    centres = lower + cell_m * np.stack([i + 0.5, j + 0.5], axis=-1)
+    expected = np.zeros(drawn.shape, dtype=bool)
+    for solid in plan.solids:
+        expected |= shapely.contains_xy(solid, centres[..., 0], centres[..., 1])
+    assert drawn.any() and (drawn == expected).all()

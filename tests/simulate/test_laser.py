@@ -1,0 +1,136 @@
+"""The ray caster against a brute-force twin, and what the laser makes of ranges."""
+
+import builtins
+
+import numpy as np
+import pytest
+
+from hilbertvae.checks import InputError
+from hilbertvae.simulate.laser import LaserSettings, RayCaster, bearings, extrude, sense, sim_extra
+
+pytest.importorskip("embreex")
+shapely = pytest.importorskip("shapely")
+
+from hilbertvae.simulate.floor_plan import draw_floor_plan  # noqa: E402
+from hilbertvae.simulate.shapes import box, edges  # noqa: E402
+
+EXACT = LaserSettings(range_noise_m=0, range_step_m=0, miss_share=0, edge_mix_share=0, glass_return_share=0, glass_pass_share=0)
+
+
+def brute_force_ranges(segments, origins, directions):
+    """Each ray against each segment: o + t d = a + u (b - a)."""
+    ranges = np.full(len(origins), np.inf)
+    for k, (origin, direction) in enumerate(zip(origins, directions, strict=True)):
+        for start, end in segments:
+            along = end - start
+            determinant = along[0] * direction[1] - along[1] * direction[0]
+            if abs(determinant) < 1e-12:
+                continue
+            gap = start - origin
+            t = (along[0] * gap[1] - along[1] * gap[0]) / determinant
+            u = (direction[0] * gap[1] - direction[1] * gap[0]) / determinant
+            if t >= 0 and 0 <= u <= 1:
+                ranges[k] = min(ranges[k], t)
+    return ranges
+
+
+def fan(origin, settings):
+    angles = bearings(settings)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)[None]
+    return np.broadcast_to(np.asarray(origin, dtype=float), directions.shape), directions
+
+
+def room_with_pane():
+    """A room of 10 x 6 m around the origin, a pane at x = 2 and a pillar behind it."""
+    walls = shapely.box(-5.2, -3.2, 5.2, 3.2) - shapely.box(-5, -3, 5, 3)
+    solid = RayCaster(*extrude(edges([walls, box([4, 0], 0.0, 0.5, 0.5)])))
+    return solid, RayCaster(*extrude(edges([box([2, 0], 0.0, 0.02, 4.0)])))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ranges_equal_brute_force_on_a_random_plan(seed):
+    rng = np.random.default_rng(seed)
+    plan = draw_floor_plan(rng, 12.0, ["corridors", "hall", "enfilade"][seed])
+    segments = edges(plan.solids)
+    low, high = segments.reshape(-1, 2).min(axis=0), segments.reshape(-1, 2).max(axis=0)
+    origins, angles = rng.uniform(low, high, (150, 2)), rng.uniform(0, 2 * np.pi, 150)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    found = RayCaster(*extrude(segments)).ranges(origins, directions)
+    expected = brute_force_ranges(segments, origins, directions)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
+    assert np.isfinite(found).mean() > 0.2  # plans with windows have much outdoors around them
+
+
+def test_rays_in_three_dimensions_meet_walls_only_below_their_top():
+    caster = RayCaster(*extrude(np.array([[[3.0, -1.0], [3.0, 1.0]]]), bottom_m=0.0, top_m=2.0))
+    level, steep = np.array([1.0, 0.0, 0.0]), np.array([3.0, 0.0, 4.0]) / 5
+    ranges = caster.ranges(np.array([[0, 0, 1.0], [0, 0, 2.5], [0, 0, -3.0]]), np.array([level, level, steep]))
+    np.testing.assert_allclose(ranges, [3.0, np.inf, 5.0])
+
+
+def test_an_empty_mesh_is_never_hit():
+    assert np.isinf(RayCaster(*extrude(np.empty((0, 2, 2)))).ranges(np.zeros((3, 2)), np.eye(2)[[0, 1, 0]])).all()
+
+
+def test_glass_returns_nothing_and_what_is_beside_it_does():
+    solid, glass = room_with_pane()
+    ranges = sense(np.random.default_rng(0), EXACT, solid, glass, *fan([0, 0], EXACT))[0]
+    at_pane = np.abs(np.tan(bearings(EXACT))) < 0.99
+    assert np.isnan(ranges[at_pane]).all()
+    np.testing.assert_allclose(ranges[0], 3.0)
+
+
+def test_glass_lets_beams_pass_to_what_is_behind():
+    solid, glass = room_with_pane()
+    settings = LaserSettings(**{**vars(EXACT), "glass_pass_share": 1.0})
+    ranges = sense(np.random.default_rng(0), settings, solid, glass, *fan([0, 0], settings))[0]
+    np.testing.assert_allclose(ranges[settings.beams // 2], 3.75)
+    assert np.isfinite(ranges).all()
+
+
+def test_what_moves_hides_what_is_behind_it():
+    solid, glass = room_with_pane()
+    ranges = sense(np.random.default_rng(0), EXACT, solid, glass, *fan([0, 0], EXACT), moving=np.full((1, EXACT.beams), 1.0))
+    np.testing.assert_allclose(ranges, 1.0)
+
+
+def test_nothing_is_returned_from_the_longest_range_on():
+    solid, glass = room_with_pane()
+    settings = LaserSettings(max_range_m=3.5, glass_pass_share=0.97, glass_return_share=0.03, range_noise_m=0.05)
+    ranges = sense(np.random.default_rng(0), settings, solid, glass, *fan([0, 0], settings))
+    assert np.isnan(ranges).any() and np.nanmax(ranges) < 3.5
+
+
+def test_bearings_are_those_of_carmen_logs():
+    np.testing.assert_allclose(np.rad2deg(bearings(LaserSettings(beams=360)))[[0, 1, -1]], [-90, -89.5, 89.5])
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"beams": 0}, "laser.beams: expected a positive whole number"),
+        ({"beams": 1.5}, "laser.beams: expected a positive whole number"),
+        ({"max_range_m": -1.0}, "laser.max_range_m: expected a positive number"),
+        ({"field_of_view_deg": 400.0}, "laser.field_of_view_deg: expected at most 360"),
+        ({"range_noise_m": float("nan")}, "laser.range_noise_m: expected zero or a positive number"),
+        ({"miss_share": 1.2}, "laser.miss_share: expected a share from 0 to 1"),
+        ({"glass_pass_share": 0.99}, "expected at most 1 together"),
+    ],
+)
+def test_bad_settings_are_named(setting, message):
+    with pytest.raises(InputError, match=message):
+        LaserSettings(**setting)
+
+
+def test_a_missing_extra_is_named(monkeypatch):
+    real_import = builtins.__import__
+
+    def without_embree(name, *rest, **named):
+        if name.startswith("embreex"):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        return real_import(name, *rest, **named)
+
+    monkeypatch.setattr(builtins, "__import__", without_embree)
+    monkeypatch.delitem(__import__("sys").modules, "trimesh.ray.ray_pyembree", raising=False)
+    with pytest.raises(InputError, match=r"pip install hilbertvae\[sim\]"):
+        sim_extra("trimesh.ray.ray_pyembree")
