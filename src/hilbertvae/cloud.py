@@ -87,7 +87,13 @@ def voxel_votes(scans: Scans, resolution_m: float) -> VoxelVotes:
     frees, hits = sums[:, 0], sums[:, 1]
     free_mean = sums[:, 2 : 2 + dimension] / np.maximum(frees, 1)[:, None] + low
     hit_mean = sums[:, 2 + dimension :] / np.maximum(hits, 1)[:, None] + low
-    return VoxelVotes(index, hits, frees, hit_mean, free_mean)
+    return VoxelVotes(index, hits, frees, *(_kept_inside(mean, index, resolution_m) for mean in (hit_mean, free_mean)))
+
+
+def _kept_inside(means: np.ndarray, index: np.ndarray, resolution_m: float) -> np.ndarray:
+    """Means back in their own voxels: rounding carries that of samples on a voxel's side across it, and out of reach of its gap."""
+    across = voxel_index(means, resolution_m) != index
+    return means + np.where(across, 1e-6 * ((index + 0.5) * resolution_m - means), 0.0)
 
 
 def _samples(scans: Scans, resolution_m: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -158,11 +164,14 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None) -> Clou
         if len(origins) != len(points):
             raise InputError(f"origins: expected one per scan ({len(points)}), got {len(origins)}")
         scan = np.repeat(np.arange(len(points), dtype=np.int32), [len(p) for p in points])
-        points = check_points(np.concatenate(points), "points")
+        points = np.concatenate([check_points(p, "points", dimension=origins.shape[1], allow_empty=True) for p in points])
         origins = origins[scan]
     else:
         points = check_points(points, "points")
-        origins = np.broadcast_to(np.asarray(origins, dtype=np.float64), points.shape)
+        origins = check_points([origins] if np.ndim(origins) == 1 else origins, "origins", dimension=points.shape[1])
+        if len(origins) not in (1, len(points)):
+            raise InputError(f"origins: expected one, or one per point ({len(points)}), got {len(origins)}")
+        origins = np.broadcast_to(origins, points.shape)
         scan = np.zeros(len(points), np.int32)
-    scans = Scans(points, check_points(origins, "origins"), scan, np.arange(len(points), dtype=np.int32))
+    scans = Scans(points, origins, scan, np.arange(len(points), dtype=np.int32))
     return fit_cloud(scans, resolution_m or RESOLUTION_M[points.shape[1]])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import hydra
@@ -16,6 +17,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.commands.build import build_mappers
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
+from hilbertvae.scans.sites import site_hashes
 from hilbertvae.training.settings import Settings
 
 PACKAGE = Path(hilbertvae.__file__).parent
@@ -35,14 +37,18 @@ def to_settings(config: DictConfig) -> Settings:
     return settings
 
 
-def run(settings: Settings, command: list[str]) -> int:
+def run(settings: Settings) -> int:
     """Train if a mapper needs it, score all, write everything; the exit code."""
-    from hilbertvae.reports.report import ReportWriter
+    from hilbertvae.reports.report import Report
     from hilbertvae.training.hilbert_map_callback import score
-    from hilbertvae.training.train import train
+    from hilbertvae.training.train import train, training_hash
 
     mappers = build_mappers(settings.mapper)
-    write = ReportWriter(settings, command)
+    config = asdict(settings)
+    identity = {"training": training_hash(settings), "mapper": settings.mapper, "evaluation": config["evaluation"], "test": settings.data.test}
+    seeds = {"training": settings.seed, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
+    write = Report(settings.output, config, identity, seeds, settings.pictures)
+    write.data = site_hashes([*settings.data.train, settings.data.validate, *settings.data.test])
     if not mappers or any(mapper.get_params(deep=False).get("reconstructor") == "trained" for mapper in mappers.values()):
         train(settings, mappers, write)
     else:
@@ -53,7 +59,7 @@ def run(settings: Settings, command: list[str]) -> int:
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
 def _application(config: DictConfig) -> None:
     try:
-        code = run(to_settings(config), sys.argv)
+        code = run(to_settings(config))
     except InputError as error:
         if HydraConfig.get().mode == RunMode.MULTIRUN:
             raise

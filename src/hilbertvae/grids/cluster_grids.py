@@ -9,7 +9,7 @@ import numpy as np
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
 from hilbertvae.clusters.quick_means import quick_means
-from hilbertvae.grids.aligned_grid import bin_points, vote
+from hilbertvae.grids.aligned_grid import UNKNOWN, bin_portions, vote
 from hilbertvae.grids.frame import Frames, FrameSettings, cluster_frames
 
 
@@ -57,4 +57,7 @@ def find_frames(cloud: Cloud, settings: GridSettings, seed: int) -> Frames:
 
 def bin_grids(cloud: Cloud, frames: Frames, settings: GridSettings) -> np.ndarray:
     """int8 grids (M, n, ..., n) of all points of the cloud in the frames' boxes."""
-    return vote(*bin_points(cloud, frames, settings.cells), settings.occupied_share)
+    grids = np.full((len(frames), *(settings.cells,) * frames.centre.shape[1]), UNKNOWN, np.int8)
+    for chosen, hits, frees in bin_portions(cloud, frames, settings.cells):
+        grids[chosen] = vote(hits, frees, settings.occupied_share)
+    return grids

@@ -22,59 +22,68 @@ class FrameIndex:
     def __init__(self, frames: Frames):
         self.frames = frames
         self.tree = cKDTree(frames.centre) if len(frames) else None
-        self.half = frames.scale / 2
-        self.reach_m = float((self.half * np.sqrt(frames.centre.shape[1])).max(initial=0.0))
+        self.reach_m = float((frames.scale / 2 * np.sqrt(frames.centre.shape[1])).max(initial=0.0))
+        low, high = frames.boxes()
+        self.low, self.high = low.min(axis=0, initial=np.inf), high.max(axis=0, initial=-np.inf)
 
     def holding(self, queries: np.ndarray, nearest: int) -> np.ndarray:
-        """(Q, nearest) int64: frame numbers, the nearest first, `NONE` where fewer boxes hold the query.
+        """(Q, nearest) int64: frame numbers, the nearest first (of two at one distance the lower number), `NONE` where fewer boxes hold
+        the query.
 
         Queries are gathered into patches, and each patch asks the tree once: its nearest frames are the candidates of all its
         queries. A frame that is no candidate is farther from the patch's middle than the last candidate, which settles most
         queries; the others widen the search. So the answer is exact, and the same for any batch.
         """
-        if self.tree is None or not len(queries):
-            return np.full((len(queries), nearest), NONE, np.int64)
+        chosen = np.full((len(queries), nearest), NONE, np.int64)
+        asked = np.flatnonzero(((queries >= self.low) & (queries <= self.high)).all(axis=1))
+        if not len(asked):
+            return chosen
+        queries = queries[asked]
         size = self.reach_m / 16
-        patch = np.floor(queries / size).astype(np.int64)
-        low = patch.min(axis=0)
-        key = np.ravel_multi_index(tuple((patch - low).T), tuple(patch.max(axis=0) - low + 1))
+        patch = np.floor((queries - self.low) / size).astype(np.int64)
+        key = np.ravel_multi_index(tuple(patch.T), tuple(patch.max(axis=0) + 1))
         _, first, member = np.unique(key, return_index=True, return_inverse=True)
-        middle = (patch[first] + 0.5) * size
+        middle = (patch[first] + 0.5) * size + self.low
         slack = size * np.sqrt(queries.shape[1]) / 2
 
         count = min(max(CANDIDATES, 2 * nearest), len(self.frames))
-        distance, candidate = self._nearest_to(middle, count)
-        chosen, settled = self._choose(queries, candidate[member], distance[member, -1] - slack, nearest)
+        candidate, beyond = self._nearest_to(middle, count)
+        found, settled = self._choose(queries, candidate, member, beyond - slack, nearest)
         while not settled.all():
             count = min(4 * count, len(self.frames))
             left = np.flatnonzero(~settled)
-            distance, candidate = self._nearest_to(queries[left], count)
-            chosen[left], settled[left] = self._choose(queries[left], candidate, distance[:, -1], nearest)
+            candidate, beyond = self._nearest_to(queries[left], count)
+            found[left], settled[left] = self._choose(queries[left], candidate, np.arange(len(left)), beyond, nearest)
+        chosen[asked] = found
         return chosen
 
     def _nearest_to(self, points: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-        distance, index = self.tree.query(points, k=np.arange(1, count + 1), workers=-1)
-        if count == len(self.frames):
-            distance[:, -1] = np.inf  # there is no other frame
-        return distance, index
+        """(P, count) the frames nearest to each of `points (P, D)`, in ascending order of number, and how far all others are at least."""
+        distance, index = self.tree.query(points, k=np.arange(1, count + 1))
+        beyond = distance[:, -1] if count < len(self.frames) else np.full(len(points), np.inf)
+        return np.sort(index, axis=1), beyond
 
-    def _choose(self, queries, candidate, beyond, nearest):
-        """The `nearest` holding candidates (C, nearest) of each query, and whether no frame farther than `beyond` can be among them."""
-        moved = queries[:, None, :] - self.frames.centre[candidate]
-        distance = np.sqrt(np.einsum("qkd,qkd->qk", moved, moved))
+    def _choose(self, queries, candidate, member, beyond, nearest):
+        """The `nearest` holding ones (Q, nearest) of the candidates `candidate[member]` of each query, and whether no frame farther than
+        `beyond[member]` can be among them."""
+        # Patches are fewer than queries, so what can be gathered is gathered for them, and one axis at a time.
+        scale = self.frames.scale[candidate][member]
+        moved = [queries[:, d, None] - centre[candidate][member] for d, centre in enumerate(self.frames.centre.T)]
+        distance = np.sqrt(sum(axis * axis for axis in moved))
         if self.frames.turned:
-            moved = np.einsum("qkd,qkde->qke", moved, self.frames.rotation[candidate])
-        # The lower side of a box belongs to it, the upper does not, as cells do.
-        scaled = moved / self.frames.scale[candidate][..., None]
-        holds = ((scaled >= -0.5 - 1e-12) & (scaled < 0.5 - 1e-12)).all(axis=2)
-        distance[~holds] = np.inf
+            turn = self.frames.rotation[candidate]
+            moved = [sum(axis * turn[..., d, e][member] for d, axis in enumerate(moved)) for e in range(len(moved))]
+        for axis in moved:
+            axis /= scale
+            # The lower side of a box belongs to it, the upper does not, as cells do.
+            distance[(axis < -0.5 - 1e-12) | (axis >= 0.5 - 1e-12)] = np.inf
         order = np.argsort(distance, axis=1, kind="stable")[:, :nearest]
         found = np.take_along_axis(distance, order, axis=1)
-        chosen = np.where(np.isfinite(found), np.take_along_axis(candidate, order, axis=1), NONE)
+        chosen = np.where(np.isfinite(found), candidate[member[:, None], order], NONE)
         if chosen.shape[1] < nearest:
             chosen = np.pad(chosen, ((0, 0), (0, nearest - chosen.shape[1])), constant_values=NONE)
-            return chosen, np.isinf(beyond)
-        return chosen, np.minimum(found[:, -1], self.reach_m) < beyond
+            return chosen, np.isinf(beyond[member])
+        return chosen, np.minimum(found[:, -1], self.reach_m) < beyond[member]
 
 
 def kernel(grids: np.ndarray, frames: Frames, queries: np.ndarray, holding: np.ndarray) -> np.ndarray:

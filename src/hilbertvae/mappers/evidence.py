@@ -61,7 +61,10 @@ class Evidence:
         """(V, 3^D) int32: the voxels around each, itself first; -1 for those never seen."""
         strides = np.append(np.cumprod(self.shape[::-1])[::-1][1:], 1)
         steps = sorted(itertools.product((-1, 0, 1), repeat=len(self.shape)), key=lambda step: sum(map(abs, step)))
-        return np.stack([self._search(self.keys + int(np.dot(step, strides))) for step in steps], axis=1).astype(np.int32)
+        block = np.empty((len(self.keys), len(steps)), np.int32)
+        for column, step in enumerate(steps):
+            block[:, column] = self._search(self.keys + int(np.dot(step, strides)))
+        return block
 
     def _voxel_features(self) -> np.ndarray:
         """(V, 4): the log-odds of a voxel's votes and of its neighbours', and how many each has."""
@@ -86,14 +89,19 @@ class Evidence:
         """
         local = (queries / self.resolution_m - self.low).astype(np.float32)
         block = self.neighbours[voxel]
-        hit = _distances(local, self.hit_mean[block])
+        hit = _distances(local, self.hit_mean, block)
         hit.sort(axis=1)
         hit = np.minimum(hit[:, :NEAREST_HITS], FAR_VOXELS)
-        free = np.minimum(_distances(local, self.free_mean[block]).min(axis=1, keepdims=True), FAR_VOXELS)
+        free = np.minimum(_distances(local, self.free_mean, block).min(axis=1, keepdims=True), FAR_VOXELS)
         return np.hstack([self.voxel_features[voxel], hit, np.minimum(hit, 1.0), free, hit[:, :1] ** 2, free**2])
 
 
-def _distances(queries: np.ndarray, means: np.ndarray) -> np.ndarray:
-    """(Q, B) distances of `queries (Q, D)` to `means (Q, B, D)`."""
-    with np.errstate(invalid="ignore"):
-        return np.sqrt(sum(np.square(means[:, :, d] - queries[:, d, None]) for d in range(queries.shape[1])))
+def _distances(queries: np.ndarray, means: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """(Q, B) distances of `queries (Q, D)` to the means (V + 1, D) of the voxels `block (Q, B)`."""
+    squared = 0
+    # One axis at a time: numpy is slow where the last axis is short.
+    for query, mean in zip(queries.T, means.T, strict=True):
+        away = mean[block]
+        away -= query[:, None]
+        squared += away * away
+    return np.sqrt(squared)

@@ -97,7 +97,7 @@ class HilbertMap(Mapper):
 
     def _reconstruct(self, grids: np.ndarray) -> np.ndarray:
         if self.reconstructor is None:
-            return grids.astype(np.float32)
+            return grids
         return self.reconstructor.reconstruct(grids, self.flips, device=self.device)
 
     def _cluster_factors(self, cloud: Cloud, resolution_m: float) -> np.ndarray:

@@ -84,7 +84,9 @@ def round_length(metres: float) -> float:
     return power * max(step for step in (1, 2, 5) if step <= metres / power + 1e-9)
 
 
-def outline_gaps(axes: Axes, gaps: Gaps, height_m: float | None = None, linewidth: float = 1.0, numbers: dict[int, str] | None = None) -> None:
+def outline_gaps(
+    axes: Axes, gaps: Gaps, height_m: float | None = None, linewidth: float = 1.0, numbers: dict[int, str] | None = None
+) -> None:
     """Circles around gaps; in 3D, where the sheet at `height_m` cuts the balls. `numbers` writes a label beside chosen gaps."""
     for number, (centre, radius) in enumerate(zip(gaps.centres, gaps.radius_m, strict=True)):
         if height_m is not None and len(centre) == 3:

@@ -32,7 +32,7 @@ def kernel_probability(values: np.ndarray, likelihood: str) -> np.ndarray:
 
 
 def sheet(grid: np.ndarray, layer: int | None = None) -> np.ndarray:
-    """A grid (n, ..., n) as an image (rows, columns), x right and y up; of a 3D grid the horizontal `layer`, the middle one unless given."""
+    """A grid (n, ..., n) as an image (rows, columns), x right and y up; of a 3D grid a horizontal `layer`, by default the middle one."""
     if grid.ndim == 3:
         grid = grid[:, :, grid.shape[2] // 2 if layer is None else layer]
     return grid.T

@@ -15,12 +15,11 @@ PROBABILITY = LinearSegmentedColormap.from_list(
 Lightness falls all the way, so that the order survives a grey print and any kind of colour blindness; hue is left to what matters, the
 side of 0.5 that an answer leans to. Interpolated in CIELAB: L 98, 88, 74, 50, 12 at p = 0, 1/4, 1/2, 3/4, 1."""
 
-ERROR = LinearSegmentedColormap.from_list("missed-invented", ["#2d0a6b", "#7b5bb5", "#ffffff", "#e39a3b", "#8a3b00"])
-"""p - truth: violet where occupied space was missed (-1), white where right, orange where it was invented (+1)."""
-ERROR.set_bad("#b6b6b6")
+ERROR = LinearSegmentedColormap.from_list("missed-invented", ["#2d0a6b", "#7b5bb5", "#ffffff", "#e39a3b", "#8a3b00"]).with_extremes(
+    bad="#b6b6b6"
+)
+"""p - truth: violet where occupied space was missed (-1), white where right, orange where it was invented (+1), grey where nobody knows."""
 
-UNKNOWN_COLOUR = "#b6b6b6"
-"""p = 0.5, and whatever has no answer."""
 GAP_COLOUR = "#009e73"
 """Outlines of gaps: a green that neither map uses and that stays apart from both for the colour-blind (Okabe and Ito)."""
 FREE_POINT_COLOUR = "#6fa8d6"

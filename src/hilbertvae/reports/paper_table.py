@@ -32,9 +32,9 @@ PAPER = {
     ),
 }
 NOTE = (
-    "Scored on points, precision / recall in percent, mean±sd over gap seeds; differences in points of percent. The paper's observed rows are "
-    "on the points that were fitted, so ours stand beside them on fitted points, and on held-out beams. The paper does not say where its gaps "
-    "lie within a site, nor how many; ours are off the occupied points that they are drawn around."
+    "Scored on points: precision / recall in percent, mean±sd over gap seeds; differences in points of percent. The paper's observed rows "
+    "are on points that were fitted: compare them with ours on fitted points; held-out beams are the harder question. The paper says "
+    "neither on which site it scored nor how many gaps it cut where, so a difference is of data as well as of method."
 )
 
 

@@ -40,7 +40,13 @@ def provenance(
         "git": git_state(Path(__file__).parent),
         "packages": package_versions(),
         "python": platform.python_version(),
-        "host": {"name": platform.node(), "system": platform.platform(), "cpu": cpu_name(), "cpus": os.cpu_count(), "threads": torch.get_num_threads()},
+        "host": {
+            "name": platform.node(),
+            "system": platform.platform(),
+            "cpu": cpu_name(),
+            "cpus": os.cpu_count(),
+            "threads": torch.get_num_threads(),
+        },
         "data": data or {},
         "seeds": seeds or {},
         "stage_seconds": seconds or {},
@@ -85,7 +91,9 @@ def cpu_name() -> str:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         lines = []
-    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.processor() or platform.machine())
+    return next(
+        (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.processor() or platform.machine()
+    )
 
 
 def peak_memory_mb() -> float:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import cycle
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from hilbertvae.reports.canvas import new_figure
+from hilbertvae.reports.canvas import HALO, new_figure
 from hilbertvae.reports.colours import line_styles
 from hilbertvae.scoring.metrics import CALIBRATION_BINS, calibration_error
 from hilbertvae.scoring.result import Result
 
+MARKERS = "osD^vPX"
 FEWEST = 10
 """Points that a bin of the reliability diagram needs: the share of fewer says nothing."""
 
@@ -19,14 +21,16 @@ FEWEST = 10
 def precision_recall_picture(result: Result) -> Figure:
     """Precision over recall inside gaps, a panel per reading: mean over gap seeds, bands from the lowest seed to the highest.
 
-    A dot is where the protocol's cut (p > 0.6) puts the mapper; grey lines join points of equal F1. Curves are `Result.curves`.
+    A marker is where the protocol's cut (p > 0.6) puts the mapper; grey lines join points of equal F1. Curves are `Result.curves`.
     """
     readings = [reading for reading in ("points", "voxels") if any(reading in curves for curves in result.curves.values())]
     if not readings:
         raise ValueError("result.curves: expected the curves of at least one mapper, got none")
     figure = new_figure(5.0 * len(readings) + 1.6, 4.9)
     panels = figure.subplots(1, len(readings), squeeze=False)[0]
-    styles = line_styles(result.curves)
+    styles = {
+        name: {**style, "marker": marker} for (name, style), marker in zip(line_styles(result.curves).items(), cycle(MARKERS), strict=False)
+    }
     handles = {}
     for axes, reading in zip(panels, readings, strict=True):
         _f1_lines(axes)
@@ -35,13 +39,14 @@ def precision_recall_picture(result: Result) -> Figure:
             if not len(seeds):
                 continue
             recall = np.linspace(0, 1, seeds.shape[1])
-            (handles[name],) = axes.plot(recall, seeds.mean(axis=0), **style)
+            # The marker is on no point of the curve; it is there for the legend.
+            (handles[name],) = axes.plot(recall, seeds.mean(axis=0), markevery=[], markersize=5, **style)
             if len(seeds) > 1:
                 axes.fill_between(recall, seeds.min(axis=0), seeds.max(axis=0), color=style["color"], alpha=0.12, linewidth=0)
             gaps = result.scores.get(name, {}).get(reading, {}).get("gaps", {})
             if np.mean(gaps.get("recall", [0.0])) > 0:
                 at_cut = np.mean(gaps["recall"]), np.mean(gaps["precision"])
-                axes.plot(*at_cut, "o", color=style["color"], markersize=5, markeredgecolor="white", zorder=5, clip_on=False)
+                axes.plot(*at_cut, style["marker"], color=style["color"], markersize=6, markeredgecolor="white", zorder=5, clip_on=False)
         axes.set_title(f"{result.site}, gaps of {result.gap_diameter_m:g} m, {reading}", fontsize=10, loc="left")
         axes.set(xlim=(0, 1), ylim=(0, 1.005), xlabel="recall", ylabel="precision", aspect="equal")
         axes.spines[["top", "right"]].set_visible(False)
@@ -53,7 +58,16 @@ def _f1_lines(axes) -> None:
     for f1 in (0.2, 0.4, 0.6, 0.8):
         recall = np.linspace(f1 / (2 - f1), 1, 200)
         axes.plot(recall, f1 * recall / (2 * recall - f1), color="#d8d8d8", linewidth=0.8, zorder=1)
-        axes.annotate(f"F1 {f1:g}", (1, f1 / (2 - f1)), (-2, 2), textcoords="offset points", fontsize=7, color="#9a9a9a", ha="right")
+        axes.annotate(
+            f"F1 {f1:g}",
+            (1, f1 / (2 - f1)),
+            (-2, 2),
+            textcoords="offset points",
+            fontsize=7,
+            color="#9a9a9a",
+            ha="right",
+            path_effects=HALO,
+        )
 
 
 def reliability_picture(answers: Mapping[str, tuple[np.ndarray, np.ndarray]], title: str = "") -> Figure:

@@ -22,6 +22,9 @@ SHEET_CELLS = 480
 MAP_CELLS = 1000
 """Cells along the longer side of the drawn codes of a whole site."""
 
+ZOOM = 2.0
+"""Half the side of a gap's window, in radii of the gap."""
+
 
 def contact_sheet(sites: Sequence[tuple[Site, str]], columns: int = 4, height_m: float | None = None) -> Figure:
     """Each site's voxels, free light, occupied dark, unknown grey, under its name and role; `sites` are (site, role).
@@ -89,7 +92,10 @@ class SiteMaps:
     def draw(cls, site: Site, gaps: Gaps, mappers: Mapping[str, Mapper], height_m: float | None = None) -> SiteMaps:
         """Ask every mapper, already fitted on `gaps.cut(site.fit)`, at each cell of the map's resolution (in 3D, of one slice)."""
         height_m = _height(site, height_m)
-        raster = Raster.around(site.voxels.points, site.resolution_m, height_m=height_m)
+        # Windows around gaps at the site's edge stay inside: where a mapper was not asked, white paper would look like free space.
+        reach = ZOOM * gaps.radius_m[:, None]
+        held = np.concatenate([site.voxels.points, gaps.centres - reach, gaps.centres + reach])
+        raster = Raster.around(held, site.resolution_m, height_m=height_m)
         return cls(
             site.name,
             raster,
@@ -166,7 +172,7 @@ def gap_zoom_picture(site_maps: SiteMaps, zooms: int = 6) -> Figure:
             else:
                 image = show_probability(axes, probability, raster.extent)
             outline_gaps(axes, gaps, raster.height_m, linewidth=1.5)
-            reach = 2 * gaps.radius_m[gap]
+            reach = ZOOM * gaps.radius_m[gap]
             x, y = gaps.centres[gap, :2]
             axes.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
         line[0].set_ylabel(title, fontsize=10)

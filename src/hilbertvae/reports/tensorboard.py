@@ -1,4 +1,4 @@
-"""A `Result` in TensorBoard: scores as scalars, pictures, the table and the settings. Tables are made from `result.json`, never from here."""
+"""A `Result` in TensorBoard: scores as scalars, pictures, table and settings. Tables are made from `result.json`, never from here."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ def score_scalars(result: Result) -> dict[str, float]:
     }
 
 
-def write_tensorboard(writer, result: Result, figures: Mapping[str, Figure] | None = None, config: dict | None = None, step: int = 0) -> None:
+def write_tensorboard(
+    writer, result: Result, figures: Mapping[str, Figure] | None = None, config: dict | None = None, step: int = 0
+) -> None:
     """Write everything to `writer`, a `torch.utils.tensorboard.SummaryWriter` or what acts like one.
 
     figures: by tag, such as `site/map`, shown as images. config: plain containers, shown as text. step: of the training, for all.

@@ -84,7 +84,7 @@ def _lines(path: Path):
 def _parse(path: Path, number: int, line: bytes) -> tuple[np.ndarray, np.ndarray]:
     """The ranges (n,) and the laser's pose (x, y, heading) of one `FLASER n r_1 .. r_n x y theta ...` line."""
     fields = line.split()
-    if len(fields) < 2 or not fields[1].isdigit():
+    if len(fields) < 2 or not fields[1].isdigit() or len(fields[1]) > 18:
         raise InputError(f"{path}, line {number}: expected 'FLASER <number of ranges> ...', got {line[:40]!r}")
     count = int(fields[1])
     if not 0 < count <= MAX_BEAMS:

@@ -112,3 +112,8 @@ def read_site(name: str, folder: str | os.PathLike | None = None, download: bool
     entry = find_site(name)
     path = site_path(name, folder, download)
     return read_carmen(path, max_range_m=entry.max_range_m, every=entry.every, step_deg=entry.step_deg)
+
+
+def site_hashes(names: list[str]) -> dict[str, str]:
+    """sha256 by name of those of `names` that are sites of the catalogue."""
+    return {name: CATALOGUE[name].sha256 for name in names if name in CATALOGUE}

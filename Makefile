@@ -1,0 +1,25 @@
+# `make run` and `make test` set up .venv from pinned constraints on a fresh machine, and reuse it.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+.PHONY: run test lint clean
+.DEFAULT_GOAL := run
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt torch
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[sim,dev]'
+	touch $@
+
+run: $(READY)  ## Train on simulated buildings, score on another one, leave pictures and result.json in outputs/run
+	$(BIN)/hilbertvae-train
+
+test: $(READY)  ## The whole suite, lint and the one-way flow of imports
+	$(BIN)/ruff check src tests benchmarks
+	$(BIN)/lint-imports
+	$(BIN)/python -m pytest -n auto
+
+clean:
+	rm -rf outputs/run outputs/cache

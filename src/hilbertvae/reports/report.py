@@ -1,0 +1,108 @@
+"""Everything that is left of an evaluation: `result.json`, tables, pictures and TensorBoard, in one folder."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from rich.console import Console
+from torch.utils.tensorboard import SummaryWriter
+
+from hilbertvae.files import atomic
+from hilbertvae.gaps import INSIDE, Gaps
+from hilbertvae.grids.cluster_grids import bin_grids, find_frames
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reports.canvas import save_picture
+from hilbertvae.reports.cluster_pictures import gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
+from hilbertvae.reports.paper_table import paper_table
+from hilbertvae.reports.provenance import provenance
+from hilbertvae.reports.result_json import write_result
+from hilbertvae.reports.score_pictures import precision_recall_picture, reliability_picture
+from hilbertvae.reports.score_table import markdown_scores, print_scores
+from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
+from hilbertvae.reports.tensorboard import write_tensorboard
+from hilbertvae.scoring.result import Result
+from hilbertvae.site import Site
+
+RIVALS = ("lard-hm-fine", "lard-hm", "hm", "nearest")
+"""Whose map is shown beside ours: the first of these that was run (the paper's Fig. 5 has LARD-HM)."""
+
+
+class Report:
+    """A writer of `Result`s: call it with (result, site, mappers) for each site that was scored.
+
+    The first site's `result.json` lies in the folder itself, any other's in a folder of the site's name.
+    """
+
+    def __init__(self, folder: str | Path, config: dict, identity: dict | None = None, seeds: dict | None = None, pictures: bool = True):
+        self.folder, self.config, self.identity, self.seeds, self.pictures = Path(folder), config, identity, seeds, pictures
+        self.started = time.perf_counter()
+        self.sites: list[tuple[Site, str]] = []
+        self.data: dict[str, str] = {}
+        self.failed: dict[str, str] = {}
+        self.written: list[Path] = []
+
+    def __call__(self, result: Result, site: Site, mappers: dict[str, Mapper]) -> None:
+        folder = self.folder / site.name.replace(":", "-") if self.written else self.folder
+        seconds = {"until_scored": time.perf_counter() - self.started}
+        about = provenance(self.config, identity=self.identity, data=self.data, seeds=self.seeds, seconds=seconds)
+        self.written.append(write_result(folder / "result.json", result, about))
+        with atomic(folder / "scores.md") as temporary:
+            temporary.write_text(f"{markdown_scores(result)}\n\n{paper_table(result)}\n", encoding="utf-8")
+        figures = self._figures(result, site, mappers) if self.pictures and result.scores else {}
+        for tag, figure in figures.items():
+            save_picture(figure, folder / "pictures" / f"{tag}.png")
+        with SummaryWriter(str(self.folder / "tensorboard")) as writer:
+            write_tensorboard(writer, result, {f"{site.name}/{tag}": figure for tag, figure in figures.items()}, self.config)
+        self.failed.update({f"{name} on {site.name}": why for name, why in result.failed.items()})
+        print_scores(result, Console())
+        if figures:
+            print(f"Pictures: {folder / 'pictures'}")
+
+    def _figures(self, result: Result, site: Site, mappers: Mapping[str, Mapper]) -> dict[str, Figure]:
+        figures = {"precision_recall": precision_recall_picture(result)}
+        gaps = gaps_of(result, site, result.gap_seeds[0])
+        figures["sites"] = contact_sheet([*self.sites, (site, "test")])
+        ours = next((name for name, m in mappers.items() if isinstance(getattr(m, "reconstructor", None), Reconstructor)), None)
+        rival = next((name for name in RIVALS if name in result.scores), None)
+        shown = gaps.cut(site.fit)
+        fitted = {}
+        for name in filter(None, (ours, rival)):
+            mapper = mappers[name]
+            if "seed" in mapper.get_params(deep=False):
+                mapper.set_params(seed=result.gap_seeds[0])
+            fitted[name] = mapper.fit(shown.points, shown.occupied, shown.weight)
+        if fitted:
+            maps = SiteMaps.draw(site, gaps, fitted)
+            figures |= {"map": site_map_picture(maps), "gaps": gap_zoom_picture(maps)}
+            inside = site.voxels.select(gaps.part(site.voxels.points) == INSIDE)
+            answers = {name: (inside.occupied, m.predict_proba(inside.points)[:, 1]) for name, m in fitted.items()}
+            figures["reliability"] = reliability_picture(answers, f"{site.name}, voxels in gaps")
+        if ours:
+            figures |= _network_figures(fitted[ours], site, gaps)
+        return figures
+
+    def close(self) -> int:
+        """Say where everything is; the exit code, 1 if a mapper failed."""
+        for name, why in self.failed.items():
+            print(f"Failed: {name}: {why}")
+        print(f"Results: {', '.join(map(str, self.written)) or 'none'}")
+        print(f"TensorBoard: tensorboard --logdir {self.folder}")
+        return int(bool(self.failed))
+
+
+def _network_figures(mapper: HilbertMap, site: Site, gaps: Gaps) -> dict[str, Figure]:
+    """One cluster through the pipeline, reconstructions of clusters with gaps, and grids decoded from the prior."""
+    network, shown = mapper.reconstructor, gaps.cut(site.fit)
+    frames = find_frames(shown, network.grid, mapper.seed)
+    grids, target = bin_grids(shown, frames, network.grid), bin_grids(site.whole, frames, network.grid)
+    chosen = gapped_clusters(grids, target)
+    figures = {"pipeline": pipeline_picture(shown, network, site.whole, seed=mapper.seed), "prior": prior_picture(network)}
+    if len(chosen):
+        values = network.reconstruct(grids[chosen], mapper.flips)
+        figures["reconstructions"] = reconstruction_rows(grids[chosen], target[chosen], values, network.likelihood.kind)
+    return figures

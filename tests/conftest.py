@@ -1,0 +1,39 @@
+"""Fixtures that the whole suite shares."""
+
+import os
+from pathlib import Path
+
+import pytest
+from toy_rooms import box_room, square_room
+
+from hilbertvae.scans.sites import CATALOGUE
+from hilbertvae.site import Site
+
+
+@pytest.fixture(scope="session")
+def room() -> Site:
+    """A square room with a pillar, 2D."""
+    return Site("room", square_room())
+
+
+@pytest.fixture(scope="session")
+def box() -> Site:
+    """A box room with a pillar, 3D."""
+    return Site("box", box_room())
+
+
+@pytest.fixture(scope="session", params=["room", "box"])
+def place(request) -> Site:
+    """Both rooms, one after the other."""
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="session")
+def real_sites() -> dict[str, Path]:
+    """Files of the catalogue's sites that are on this machine, by name; skips without any."""
+    chosen = os.environ.get("HILBERTVAE_DATA")
+    folder = Path(chosen) if chosen else Path(__file__).parents[2] / "shared" / "data"
+    found = {name: folder / "2d" / entry.file for name, entry in CATALOGUE.items() if (folder / "2d" / entry.file).is_file()}
+    if not found:
+        pytest.skip("no real sites here; set HILBERTVAE_DATA to a folder that has them")
+    return found

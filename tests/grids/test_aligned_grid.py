@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hilbertvae.cloud import Cloud
+from hilbertvae.grids import aligned_grid
+from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN, bin_points, cell_index, share, vote
+from hilbertvae.grids.frame import Frames
+
+
+def random_frames(rng, count, dimension, turned):
+    rotation = np.linalg.qr(rng.normal(size=(count, dimension, dimension)))[0] if turned else np.tile(np.eye(dimension), (count, 1, 1))
+    return Frames(rng.uniform(-2, 2, (count, dimension)), rotation, rng.uniform(0.8, 3, count))
+
+
+def bin_by_loop(cloud, frames, cells):
+    dimension = cloud.points.shape[1]
+    hits, frees = np.zeros((2, len(frames), *(cells,) * dimension))
+    for m in range(len(frames)):
+        for point, occupied, weight in zip(cloud.points, cloud.occupied, cloud.weight, strict=True):
+            inside = (point - frames.centre[m]) @ frames.rotation[m] / frames.scale[m]
+            cell = tuple(int(np.floor((x + 0.5) * cells)) for x in inside)
+            if all(0 <= i < cells for i in cell):
+                (hits if occupied else frees)[m][cell] += weight
+    return hits, frees
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(2, 3), turned=st.booleans(), cells=st.integers(2, 6))
+def test_binning_equals_brute_force(seed, dimension, turned, cells):
+    rng = np.random.default_rng(seed)
+    cloud = Cloud(rng.uniform(-3, 3, (80, dimension)), rng.random(80) < 0.4, rng.integers(1, 9, 80).astype(float))
+    frames = random_frames(rng, 5, dimension, turned)
+    for found, expected in zip(bin_points(cloud, frames, cells), bin_by_loop(cloud, frames, cells), strict=True):
+        assert found.shape == expected.shape
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_portions_of_frames_change_nothing(monkeypatch):
+    rng = np.random.default_rng(0)
+    cloud = Cloud(rng.uniform(-3, 3, (300, 2)), rng.random(300) < 0.4, np.ones(300))
+    frames = random_frames(rng, 11, 2, True)
+    whole = bin_points(cloud, frames, 8)
+    monkeypatch.setattr(aligned_grid, "CELLS_AT_ONCE", 4 * 8**2)
+    for found, expected in zip(bin_points(cloud, frames, 8), whole, strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_a_box_on_the_lattice_has_a_voxel_per_cell():
+    """Voxel centres of the map, one by one, fall into cells one by one."""
+    index = np.stack(np.meshgrid(np.arange(13, 21), np.arange(-4, 4), indexing="ij"), axis=-1).reshape(-1, 2)
+    cloud = Cloud((index + 0.5) * 0.1, np.ones(64, bool), np.arange(1.0, 65.0))
+    frames = Frames(np.array([[1.7, 0.0]]), np.eye(2)[None], np.array([0.8]))
+    hits, frees = bin_points(cloud, frames, 8)
+    np.testing.assert_array_equal(hits[0], np.arange(1.0, 65.0).reshape(8, 8))
+    assert not frees.any()
+
+
+def test_points_on_lattice_planes_fall_into_the_upper_cell():
+    """The lower side of a box belongs to it, the upper does not."""
+    frames = Frames(np.array([[0.4, 0.4]]), np.eye(2)[None], np.array([0.8]))
+    edges = np.arange(9) * 0.1
+    points = np.column_stack([edges, np.full(9, 0.05)])
+    cell, inside = cell_index(frames, points, np.zeros(9, int), 8)
+    assert inside.tolist() == [True] * 8 + [False]
+    np.testing.assert_array_equal(cell[:8], 8 * np.arange(8))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_nothing_to_bin(dimension):
+    frames = random_frames(np.random.default_rng(0), 3, dimension, False)
+    nothing = Cloud(np.empty((0, dimension)), np.empty(0, bool), np.empty(0))
+    assert [part.shape for part in bin_points(nothing, frames, 4)] == [(3, *(4,) * dimension)] * 2
+    none = Frames(np.empty((0, dimension)), np.empty((0, dimension, dimension)), np.empty(0))
+    some = Cloud(np.ones((4, dimension)), np.ones(4, bool), np.ones(4))
+    assert [part.shape for part in bin_points(some, none, 4)] == [(0, *(4,) * dimension)] * 2
+
+
+def test_votes_cell_by_cell():
+    hits = np.array([[0, 1, 1, 2, 3, 14, 15, 3]], np.float32)
+    frees = np.array([[0, 0, 1, 3, 1, 86, 85, 17]], np.float32)
+    assert vote(hits, frees).tolist() == [[UNKNOWN, OCCUPIED, OCCUPIED, FREE, OCCUPIED, FREE, FREE, FREE]]  # the tie goes to occupied
+    assert vote(hits, frees, 0.15).tolist() == [[UNKNOWN, OCCUPIED, OCCUPIED, OCCUPIED, OCCUPIED, FREE, OCCUPIED, OCCUPIED]]
+    assert vote(hits, frees).dtype == np.int8
+
+
+def test_share_cell_by_cell():
+    hits, frees = np.array([0.0, 0.0, 5.0, 1.0, 0.25]), np.array([0.0, 2.0, 0.0, 1.0, 0.25])
+    assert share(hits, frees).tolist() == [0, 1, 255, 128, 128]
+    assert share(hits, frees).dtype == np.uint8

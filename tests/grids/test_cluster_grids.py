@@ -1,0 +1,45 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from toy_rooms import tiny_grid
+
+from hilbertvae.checks import InputError
+from hilbertvae.cloud import Cloud
+from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN
+from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
+
+
+def test_cells_of_an_aligned_box_are_the_voxels_of_the_map(place):
+    """The default grid read at a voxel's centre is that voxel's label in the `voxels` cloud: one rule, one lattice."""
+    settings = tiny_grid(place.dimension)
+    frames = find_frames(place.whole, settings, seed=0)
+    grids = bin_grids(place.whole, frames, settings)
+    assert grids.shape == (len(frames), *(16,) * place.dimension) and grids.dtype == np.int8
+    label = {tuple(np.round(p, 6)): OCCUPIED if occupied else FREE for p, occupied in zip(place.voxels.points, place.voxels.occupied, strict=True)}
+    low, _ = frames.boxes()
+    for m in range(0, len(frames), 7):
+        for cell in np.ndindex(*(16,) * place.dimension):
+            centre = low[m] + (np.array(cell) + 0.5) * place.resolution_m
+            assert grids[m][cell] == label.get(tuple(np.round(centre, 6) + 0.0), UNKNOWN)
+
+
+def test_clusters_with_few_returns_make_no_grid(room):
+    few, many = (find_frames(room.fit, replace(tiny_grid(), minimum_points=least), seed=0) for least in (1, 35))
+    assert 0 < len(many) < len(few)
+    assert len(find_frames(room.fit, replace(tiny_grid(), minimum_points=10**6), seed=0)) == 0
+
+
+def test_only_free_points_make_no_clusters():
+    with pytest.raises(InputError, match="expected occupied points to cluster, got none"):
+        find_frames(Cloud(np.ones((3, 2)), np.zeros(3, bool), np.ones(3)), tiny_grid(), seed=0)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("cells", 1), ("cluster_diameter_m", 0.0), ("inner_radius_m", -1.0), ("inner_radius_m", 3.3), ("occupied_share", 0.0), ("occupied_share", 1.1)],
+)
+def test_settings_that_make_no_grid_are_named(key, value):
+    GridSettings().check()
+    with pytest.raises(InputError, match=f"grid.{key}: expected"):
+        replace(GridSettings(), **{key: value}).check()

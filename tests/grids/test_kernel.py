@@ -1,0 +1,122 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hilbertvae.grids.frame import Frames
+from hilbertvae.grids.kernel import NONE, FrameIndex, kernel
+
+
+def random_frames(rng, count, dimension, turned, spread=4.0, one_scale=False):
+    rotation = np.linalg.qr(rng.normal(size=(count, dimension, dimension)))[0] if turned else np.tile(np.eye(dimension), (count, 1, 1))
+    scale = np.full(count, 3.0) if one_scale else rng.uniform(1.0, 5.0, count)
+    return Frames(rng.uniform(-spread, spread, (count, dimension)), rotation, scale)
+
+
+def inside_by_loop(frames, m, query):
+    inside = (query - frames.centre[m]) @ frames.rotation[m] / frames.scale[m]
+    return inside if all(-0.5 <= x < 0.5 for x in inside) else None
+
+
+def holding_by_loop(frames, query, nearest):
+    """Eq. 8: the `nearest` frames by centre among those whose box holds the query."""
+    holds = [m for m in range(len(frames)) if inside_by_loop(frames, m, query) is not None]
+    holds.sort(key=lambda m: np.linalg.norm(query - frames.centre[m]))
+    return (holds + [NONE] * nearest)[:nearest]
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    dimension=st.integers(2, 3),
+    count=st.integers(1, 50),
+    nearest=st.integers(1, 7),
+    turned=st.booleans(),
+    spread=st.sampled_from([0.5, 4.0, 12.0]),
+)
+def test_equations_7_and_8_by_brute_force(seed, dimension, count, nearest, turned, spread):
+    rng = np.random.default_rng(seed)
+    frames = random_frames(rng, count, dimension, turned, spread)
+    queries = rng.uniform(-spread - 3, spread + 3, (25, dimension))
+    cells = 4
+    grids = rng.normal(size=(count, *(cells,) * dimension)).astype(np.float32)
+    holding = FrameIndex(frames).holding(queries, nearest)
+    values = kernel(grids, frames, queries, holding)
+    assert holding.shape == values.shape == (25, nearest)
+    for q, query in enumerate(queries):
+        expected = holding_by_loop(frames, query, nearest)
+        assert holding[q].tolist() == expected
+        for r, m in enumerate(expected):
+            if m == NONE:
+                assert values[q, r] == 0
+            else:
+                cell = tuple(int((x + 0.5) * cells) for x in inside_by_loop(frames, m, query))
+                assert values[q, r] == grids[m][cell]
+
+
+def test_more_frames_than_are_tried_at_first():
+    """Forty turned boxes nested around one place: the nearest candidates don't settle it, and the search has to widen."""
+    rng = np.random.default_rng(0)
+    centre = rng.normal(0, 0.5, (60, 2))
+    angle = rng.uniform(0, 2 * np.pi, 60)
+    rotation = np.stack([np.stack([np.cos(angle), np.sin(angle)], 1), np.stack([-np.sin(angle), np.cos(angle)], 1)], 1)
+    scale = np.where(np.arange(60) % 4, 0.2, 6.0)  # three of four are too small to hold anything
+    frames = Frames(centre, rotation, scale)
+    queries = rng.uniform(-2, 2, (200, 2))
+    found = FrameIndex(frames).holding(queries, 5)
+    assert [row.tolist() for row in found] == [holding_by_loop(frames, query, 5) for query in queries]
+    assert (found != NONE).any()
+
+
+def test_more_grids_asked_for_than_there_are():
+    frames = random_frames(np.random.default_rng(0), 3, 2, False, spread=0.1, one_scale=True)
+    found = FrameIndex(frames).holding(np.zeros((1, 2)), 8)
+    assert sorted(found[0, :3].tolist()) == [0, 1, 2] and (found[0, 3:] == NONE).all()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_outside_of_all_boxes(dimension):
+    frames = random_frames(np.random.default_rng(0), 20, dimension, True)
+    queries = np.full((3, dimension), [[50.0], [1e4], [-1e5]])
+    index = FrameIndex(frames)
+    assert (index.holding(queries, 5) == NONE).all()
+    grids = np.ones((20, *(4,) * dimension), np.float32)
+    assert not kernel(grids, frames, queries, index.holding(queries, 5)).any()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_query_very_far_away_does_not_hurt_the_others(dimension):
+    """Answers are given query by query, so one bad coordinate in a batch must not stop the batch."""
+    frames = random_frames(np.random.default_rng(0), 20, dimension, True)
+    near = np.random.default_rng(1).uniform(-3, 3, (10, dimension))
+    far = np.full((1, dimension), 1e12)
+    together = FrameIndex(frames).holding(np.concatenate([near, far]), 5)
+    np.testing.assert_array_equal(together[:10], FrameIndex(frames).holding(near, 5))
+    assert (together[10] == NONE).all()
+
+
+def test_no_frames_and_no_queries():
+    none = Frames(np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0))
+    assert (FrameIndex(none).holding(np.zeros((4, 2)), 5) == NONE).all()
+    some = random_frames(np.random.default_rng(0), 3, 2, False)
+    assert FrameIndex(some).holding(np.empty((0, 2)), 5).shape == (0, 5)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(2, 3), turned=st.booleans(), pieces=st.integers(1, 6))
+def test_each_query_is_answered_alone(seed, dimension, turned, pieces):
+    rng = np.random.default_rng(seed)
+    frames = random_frames(rng, 40, dimension, turned, one_scale=True)
+    # Seeds of a lattice: many queries are equally far from several centres.
+    frames = Frames(np.round(frames.centre), frames.rotation, frames.scale)
+    queries = np.concatenate([rng.uniform(-5, 5, (30, dimension)), rng.integers(-8, 9, (30, dimension)) / 2])
+    index, grids = FrameIndex(frames), rng.normal(size=(40, *(6,) * dimension)).astype(np.float32)
+
+    def answer(part):
+        holding = index.holding(part, 5)
+        return np.concatenate([holding, kernel(grids, frames, part, holding)], axis=1)
+
+    whole, order = answer(queries), rng.permutation(60)
+    np.testing.assert_array_equal(answer(queries[order]), whole[order])
+    cuts = np.sort(rng.integers(0, 61, pieces))
+    np.testing.assert_array_equal(np.concatenate([answer(part) for part in np.split(queries, cuts)]), whole)

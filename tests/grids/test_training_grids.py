@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+from toy_rooms import tiny_grid
+
+from hilbertvae.cloud import fit_cloud
+from hilbertvae.gaps import OUTSIDE, random_gaps
+from hilbertvae.grids.cluster_grids import bin_grids, find_frames
+from hilbertvae.grids.training_grids import ClusteringSettings, training_grids, turned
+
+
+def test_turning_keeps_heights_and_distances(place):
+    scans, moved = place.scans, turned(place.scans, 0.5)
+    np.testing.assert_allclose(
+        np.linalg.norm(moved.points - moved.origins, axis=1), np.linalg.norm(scans.points - scans.origins, axis=1), atol=1e-9
+    )
+    x, y = scans.points[:, 0], scans.points[:, 1]
+    np.testing.assert_allclose(moved.points[:, 0], x * np.cos(0.5) - y * np.sin(0.5), atol=1e-9)
+    np.testing.assert_allclose(moved.points[:, 1], x * np.sin(0.5) + y * np.cos(0.5), atol=1e-9)
+    np.testing.assert_array_equal(moved.points[:, 2:], scans.points[:, 2:])
+    np.testing.assert_array_equal(moved.scan, scans.scan)
+
+
+@pytest.mark.parametrize("seed", [0, 5])
+def test_a_clustering_cuts_its_gaps_before_anything_else(place, seed):
+    """What the input lacks is in a gap, and the frames are those of the gapped site; the target is uncut, in the same frames."""
+    grid, clustering = tiny_grid(place.dimension), ClusteringSettings(1, [1.0, 1.5], turn=False)
+    shown, target = training_grids(place.scans, place.resolution_m, grid, clustering, seed)
+    whole = fit_cloud(place.scans, place.resolution_m)
+    gaps = random_gaps(whole, (1.0, 1.5), place.resolution_m, seed)
+    left = whole.select(gaps.part(whole.points) == OUTSIDE)
+    frames = find_frames(left, grid, seed)
+    np.testing.assert_array_equal(shown, bin_grids(left, frames, grid))
+    np.testing.assert_array_equal(target, bin_grids(whole, frames, grid))
+    assert shown.shape == target.shape and shown.dtype == target.dtype == np.int8
+    removed = (shown == 0) & (target != 0)
+    assert removed.any() and (shown[~removed] == target[~removed]).all()
+
+
+def test_without_gaps_the_input_is_the_target(room):
+    shown, target = training_grids(room.scans, 0.1, tiny_grid(), ClusteringSettings(1, [], turn=True), seed=3)
+    np.testing.assert_array_equal(shown, target)
+
+
+def test_each_clustering_but_the_first_is_turned(room):
+    def target(seed, turn):
+        return training_grids(room.scans, 0.1, tiny_grid(), ClusteringSettings(1, [], turn), seed)[1]
+
+    np.testing.assert_array_equal(target(0, True), target(0, False))
+    straight, oblique = target(4, False), target(4, True)
+    assert straight.shape != oblique.shape or (straight != oblique).any()
+    np.testing.assert_array_equal(target(4, True), oblique)

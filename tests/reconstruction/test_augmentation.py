@@ -1,0 +1,100 @@
+import pytest
+import torch
+
+from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment, random_balls
+from hilbertvae.reconstruction.symmetry import apply, symmetries
+
+
+def random_pair(batch=24, dimension=2, cells=12, seed=0):
+    torch.manual_seed(seed)
+    target = torch.randint(-1, 2, (batch, *(cells,) * dimension), dtype=torch.int8)
+    return torch.where(torch.rand(target.shape) < 0.2, torch.zeros_like(target), target), target
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_balls_by_an_explicit_loop(dimension):
+    """The draws are repeated, and each cell's distance from its grid's centre is computed one by one."""
+    target = torch.full((5, *(9,) * dimension), -1, dtype=torch.int8)
+    places = torch.randint(0, 9, (5, dimension), generator=torch.Generator().manual_seed(1))
+    for k, place in enumerate(places):
+        target[(k, *place)] = 1  # a single occupied cell: the ball is around it
+    torch.manual_seed(3)
+    inside = random_balls(target, [3.0, 7.0])
+    torch.manual_seed(3)  # the same draws in the same order
+    torch.rand(5, 9**dimension)
+    radius = (3.0 + 4.0 * torch.rand(5)) / 2
+    offset = torch.randn(5, dimension)
+    length = torch.rand(5) ** (1 / dimension)
+    for k in range(5):
+        centre = places[k] + offset[k] / offset[k].norm() * length[k] * radius[k]
+        for cell in torch.cartesian_prod(*(torch.arange(9),) * dimension):
+            assert inside[(k, *cell)] == ((cell - centre).norm() < radius[k])
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_balls_stay_near_occupied_cells_and_within_their_sizes(dimension):
+    torch.manual_seed(0)
+    target = torch.full((40, *(16,) * dimension), -1, dtype=torch.int8)
+    target[:, 8] = 1  # a wall
+    inside = random_balls(target, [4.0, 8.0])
+    for grid in inside:
+        cells = grid.nonzero().double()
+        assert len(cells) and (cells - cells.mean(dim=0)).norm(dim=1).max() <= 4.0 + 0.5
+        assert (cells[:, 0] - 8).abs().min() <= 4.0
+
+
+def test_the_same_move_for_input_and_target():
+    shown, target = random_pair()
+    shown = target.clone()
+    moved, answer = augment(shown, target, AugmentationSettings(balls=0))
+    assert torch.equal(moved, answer)
+    # Every grid is there once, moved by one of the eight, each of which got three.
+    count = dict.fromkeys(range(8), 0)
+    for grid in target:
+        found = [
+            (k, n)
+            for k, move in enumerate(symmetries(2))
+            for n, other in enumerate(answer)
+            if torch.equal(apply(grid[None], move)[0], other)
+        ]
+        assert len(found) == 1
+        count[found[0][0]] += 1
+    assert set(count.values()) == {3}
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_balls_hide_and_never_reveal(dimension):
+    shown, target = random_pair(dimension=dimension)
+    settings = AugmentationSettings(symmetric=False, balls=2, ball_diameter_cells=[3.0, 6.0])
+    torch.manual_seed(1)
+    hidden, answer = augment(shown, target, settings)
+    assert torch.equal(answer, target)
+    changed = hidden != shown
+    assert (hidden[changed] == 0).all() and changed.flatten(1).any(dim=1).all()
+    torch.manual_seed(1)
+    first = random_balls(target, [3.0, 6.0])
+    assert (hidden[first] == 0).all()
+    extra = (changed & ~first).flatten(1).any(dim=1).float().mean()
+    assert 0.1 < extra < 0.9  # the second ball is cut from about half
+
+
+def test_nothing_on_request():
+    shown, target = random_pair()
+    found = augment(shown, target, AugmentationSettings(symmetric=False, balls=0))
+    assert torch.equal(found[0], shown) and torch.equal(found[1], target)
+
+
+def test_the_generator_decides_alone():
+    shown, target = random_pair()
+
+    def draw(seed):
+        torch.manual_seed(seed)
+        return augment(shown, target, AugmentationSettings(ball_diameter_cells=[3.0, 6.0]))[0]
+
+    assert torch.equal(draw(5), draw(5)) and not torch.equal(draw(5), draw(6))
+
+
+def test_batches_smaller_than_the_group():
+    shown, target = random_pair(batch=3)
+    found = augment(shown, target, AugmentationSettings())
+    assert [part.shape for part in found] == [shown.shape] * 2

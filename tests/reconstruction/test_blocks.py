@@ -1,0 +1,49 @@
+import itertools
+
+import pytest
+import torch
+from torch import nn
+
+from hilbertvae.reconstruction.blocks import ResidualBlock, group_norm, hit_free, signed, spread_channels
+
+
+def test_encodings_cell_by_cell():
+    grids = torch.tensor([[[-1, 0], [1, 1]]], dtype=torch.int8)
+    assert signed(grids).tolist() == [[[[-1.0, 0.0], [1.0, 1.0]]]]
+    assert hit_free(grids).tolist() == [[[[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]]]]
+
+
+def test_spread_channels_is_pixel_shuffle_in_the_plane():
+    x = torch.randn(2, 12, 3, 3)
+    assert torch.equal(spread_channels(x, 2), nn.functional.pixel_shuffle(x, 2))
+
+
+@pytest.mark.parametrize(("dimension", "stride"), [(2, 3), (3, 2)])
+def test_spread_channels_by_an_explicit_loop(dimension, stride):
+    size, channels = 2, 2
+    x = torch.randn(1, channels * stride**dimension, *(size,) * dimension)
+    found = spread_channels(x, stride)
+    assert found.shape == (1, channels, *(size * stride,) * dimension)
+    for c in range(channels):
+        for cell in itertools.product(range(size * stride), repeat=dimension):
+            part = 0
+            for i in cell:
+                part = part * stride + i % stride
+            assert found[(0, c, *cell)] == x[(0, c * stride**dimension + part, *(i // stride for i in cell))]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_new_residual_block_changes_nothing_and_learns(dimension):
+    block, x = ResidualBlock(dimension, 6), torch.randn(2, 6, *(4,) * dimension)
+    assert torch.equal(block(x), x)
+    block(x).square().sum().backward()
+    assert block.body[-1].weight.grad.abs().sum() > 0
+
+
+@pytest.mark.parametrize("channels", [3, 16, 20, 96, 160, 256])
+def test_group_norm_takes_any_number_of_channels(channels):
+    norm = group_norm(channels)
+    x = 5 + 3 * torch.randn(2, channels, 8, 8)
+    assert norm(x).mean().item() == pytest.approx(0.0, abs=1e-4)
+    # A grid's output is its own, whatever else is in the batch.
+    torch.testing.assert_close(norm(x)[:1], norm(x[:1]))

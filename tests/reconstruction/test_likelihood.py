@@ -1,0 +1,95 @@
+import math
+
+import pytest
+import torch
+from torch.distributions import Normal
+from torch.distributions import kl_divergence as torch_kl
+
+from hilbertvae.reconstruction.likelihood import (
+    LIKELIHOODS,
+    Bernoulli,
+    Gaussian,
+    LikelihoodSettings,
+    active_dimensions,
+    free_bits,
+    kl_divergence,
+    kl_weight,
+)
+
+
+def random_case(seed=0, shape=(3, 4, 4)):
+    generator = torch.Generator().manual_seed(seed)
+    output = 3 * torch.randn(shape, generator=generator)
+    target = torch.randint(-1, 2, shape, generator=generator).to(torch.int8)
+    shown = torch.where(torch.rand(shape, generator=generator) < 0.4, torch.zeros_like(target), target)
+    return output, target, shown
+
+
+@pytest.mark.parametrize("shape", [(3, 4, 4), (2, 3, 3, 3)])
+def test_bernoulli_by_an_explicit_loop(shape):
+    output, target, shown = random_case(shape=shape)
+    found = Bernoulli(LikelihoodSettings(observed_weight=0.2))(output, target, shown)
+    for b in range(shape[0]):
+        expected = 0.0
+        for logit, truth, seen in zip(output[b].flatten().tolist(), target[b].flatten().tolist(), shown[b].flatten().tolist(), strict=True):
+            if truth == 0:
+                continue  # unknown cells say nothing
+            p = 1 / (1 + math.exp(-logit))
+            expected -= (0.2 if seen else 1.0) * math.log(p if truth > 0 else 1 - p)
+        assert found[b].item() == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("shape", [(3, 4, 4), (2, 3, 3, 3)])
+def test_gaussian_by_an_explicit_loop(shape):
+    output, target, shown = random_case(shape=shape)
+    found = Gaussian(LikelihoodSettings())(output, target, shown)
+    for b in range(shape[0]):
+        expected = sum(
+            0.5 * (math.tanh(x) - t) ** 2 for x, t in zip(output[b].flatten().tolist(), target[b].flatten().tolist(), strict=True)
+        )
+        assert found[b].item() == pytest.approx(expected, rel=1e-5)
+
+
+def test_gaussian_is_a_log_density_of_unit_variance_but_for_its_constant():
+    output, target, shown = random_case()
+    density = Normal(torch.tanh(output), 1.0).log_prob(target.float()).flatten(1).sum(dim=1)
+    found = Gaussian(LikelihoodSettings(kind="gaussian"))(output, target, shown)
+    torch.testing.assert_close(found, -density - 16 * 0.5 * math.log(2 * math.pi))
+
+
+def test_kernel_values():
+    output = torch.tensor([-100.0, -1.5, 0.0, 2.0, 100.0])
+    assert Bernoulli.kernel_value(output).tolist() == [-8.0, -1.5, 0.0, 2.0, 8.0]
+    assert Gaussian.kernel_value(output).tolist() == pytest.approx([-1.0, math.tanh(-1.5), 0.0, math.tanh(2.0), 1.0])
+    assert Bernoulli.kernel_value(output.bfloat16()).dtype == torch.float32
+    assert set(LIKELIHOODS) == {"bernoulli", "gaussian"}
+
+
+def test_kl_is_that_of_torch():
+    generator = torch.Generator().manual_seed(0)
+    mean, std = torch.randn(5, 7, generator=generator), torch.rand(5, 7, generator=generator) + 0.05
+    torch.testing.assert_close(kl_divergence(mean, std), torch_kl(Normal(mean, std), Normal(0.0, 1.0)))
+    assert not kl_divergence(torch.zeros(2, 3), torch.ones(2, 3)).any()
+
+
+def test_free_bits_by_an_explicit_loop():
+    kl = torch.tensor([[0.0, 0.2, 3.0], [0.02, 0.4, 1.0]])
+    expected = sum(max(0.05, (kl[0, d].item() + kl[1, d].item()) / 2) for d in range(3))
+    assert free_bits(kl, 0.05).item() == pytest.approx(expected) == pytest.approx(0.05 + 0.3 + 2.0)
+    assert free_bits(kl, 0.0).item() == pytest.approx(kl.mean(dim=0).sum().item())
+
+
+def test_free_bits_do_not_pull_at_what_is_free():
+    kl = torch.tensor([[0.01, 0.5]], requires_grad=True)
+    free_bits(kl, 0.05).backward()
+    assert kl.grad.tolist() == [[0.0, 1.0]]
+
+
+def test_active_dimensions_counts_those_that_carry_something():
+    assert active_dimensions(torch.tensor([[0.0, 0.03, 1.0], [0.0, 0.0, 1.0]])) == 2
+    assert active_dimensions(torch.zeros(4, 9)) == 0
+
+
+def test_warm_up_is_a_straight_line_to_one():
+    assert [kl_weight(step, 4) for step in range(6)] == [0.0, 0.25, 0.5, 0.75, 1.0, 1.0]
+    assert kl_weight(0, 0) == 1.0

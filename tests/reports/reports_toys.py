@@ -1,0 +1,72 @@
+"""Tiny sites, results and networks that the tests of reports share."""
+
+import numpy as np
+import torch
+
+from hilbertvae.grids.cluster_grids import GridSettings
+from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
+from hilbertvae.reconstruction.likelihood import LikelihoodSettings
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.scans.scan import Scans
+from hilbertvae.scoring.metrics import METRICS
+from hilbertvae.scoring.result import Result
+from hilbertvae.site import Site
+
+WIDTH_M, HEIGHT_M = 10.0, 6.0
+
+
+def room(dimension=2, sweeps=6, beams=720, name="room"):
+    """A room of 10 x 6 m with its lower left corner at the origin, seen from around its middle; in 3D with beams up and down."""
+    rng = np.random.default_rng(0)
+    points, origins = [], []
+    for _ in range(sweeps):
+        origin = np.array([WIDTH_M / 2, HEIGHT_M / 2]) + rng.uniform(-1, 1, 2)
+        angle = np.linspace(0, 2 * np.pi, beams, endpoint=False)
+        direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        with np.errstate(divide="ignore"):
+            wall = np.where(direction > 0, np.array([WIDTH_M, HEIGHT_M]) - origin, -origin) / direction
+        reach = np.where(np.isfinite(wall), wall, np.inf).min(axis=1)
+        points.append(origin + reach[:, None] * direction)
+        origins.append(np.broadcast_to(origin, (beams, 2)))
+    points, origins = np.concatenate(points), np.concatenate(origins)
+    scan, beam = np.repeat(np.arange(sweeps, dtype=np.int32), beams), np.tile(np.arange(beams, dtype=np.int32), sweeps)
+    if dimension == 3:
+        height = np.random.default_rng(1).uniform(-1, 1, len(points))
+        points, origins = np.column_stack([points, 1.0 + height]), np.column_stack([origins, np.ones(len(origins))])
+    return Site(name, Scans(points, origins, scan, beam))
+
+
+def reconstructor(dimension=2, cells=16):
+    """A network that was never trained, for boxes of 16 cells."""
+    torch.manual_seed(0)
+    settings = GatedNetworkSettings(stem=2, channels=[4, 8], blocks=[1, 1], latent=3)
+    resolution_m = {2: 0.1, 3: 0.2}[dimension]
+    grid = GridSettings(cells=cells, cluster_diameter_m=cells * resolution_m, inner_radius_m=0.5)
+    return Reconstructor(GatedNetwork(settings, dimension, cells), settings, LikelihoodSettings(), grid, dimension, resolution_m)
+
+
+def result(mappers=("cvae-hm", "nearest"), seeds=(0, 1, 2), dimension=2):
+    """A `Result` of random scores."""
+    rng = np.random.default_rng(3)
+
+    def region():
+        return {metric: rng.random(len(seeds)).tolist() for metric in METRICS}
+
+    scores = {
+        name: {reading: {part: region() for part in ("observed", "fitted", "gaps")} for reading in ("points", "voxels")} for name in mappers
+    }
+    curves = {
+        name: {reading: np.sort(rng.random((len(seeds), 101)))[:, ::-1].tolist() for reading in ("points", "voxels")} for name in mappers
+    }
+    return Result(
+        site="room",
+        dimension=dimension,
+        gap_diameter_m=2.5,
+        gap_seeds=list(seeds),
+        ceiling={"points": {"precision": 0.972, "recall": 0.953}, "voxels": {"precision": 1.0, "recall": 0.99}},
+        scores=scores,
+        seconds={name: {"fit": [1.0] * len(seeds)} for name in mappers},
+        gaps=[{"seed": seed, "centres": [[1.0 + seed, 2.0]], "radius_m": [1.25]} for seed in seeds],
+        curves=curves,
+        protocol={"gap_ratio": 0.5, "gap_seeds": list(seeds)},
+    )

@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+from reports_toys import reconstructor, room
+
+from hilbertvae.gaps import Gaps
+from hilbertvae.reports.cluster_pictures import (
+    gapped_clusters,
+    kernel_probability,
+    pipeline_picture,
+    prior_picture,
+    reconstruction_rows,
+    sheet,
+)
+
+
+def test_sheet_has_x_to_the_right_and_y_up():
+    grid = np.zeros((4, 4), np.int8)
+    grid[3, 1] = 1  # the last cell along x, the second along y
+    assert np.argwhere(sheet(grid)).tolist() == [[1, 3]]
+    box = np.zeros((4, 4, 4), np.int8)
+    box[3, 1, 0] = 1
+    assert np.argwhere(sheet(box, layer=0)).tolist() == [[1, 3]]
+    assert not sheet(box).any()
+
+
+def test_kernel_values_as_probabilities():
+    assert kernel_probability(np.array([0.0, np.log(3)]), "bernoulli") == pytest.approx([0.5, 0.75])
+    assert kernel_probability(np.array([-1.0, 0.0, 1.0]), "gaussian") == pytest.approx([0, 0.5, 1])
+
+
+def test_rows_show_input_answer_truth_and_error_on_known_cells_only():
+    target = np.full((2, 16, 16), -1, np.int8)
+    target[:, 8] = 1
+    target[:, 12:] = 0
+    shown = target.copy()
+    shown[:, 4:10, 3:9] = 0
+    values = np.random.default_rng(0).normal(size=target.shape)
+    figure = reconstruction_rows(shown, target, values)
+    panels = [axes for axes in figure.axes if axes.images][:8]
+    first = [axes.images[0].get_array() for axes in panels[:4]]
+    np.testing.assert_array_equal(first[0], (shown[0].T + 1) / 2)
+    np.testing.assert_allclose(first[1], 1 / (1 + np.exp(-values[0].T)))
+    np.testing.assert_array_equal(first[2], (target[0].T + 1) / 2)
+    np.testing.assert_array_equal(first[3].mask, target[0].T == 0)
+    known = ~first[3].mask
+    np.testing.assert_allclose(first[3].data[known], (first[1] - (target[0].T == 1))[known])
+    for axes in panels:
+        segments = np.concatenate(axes.collections[0].get_segments())
+        assert (segments.min(axis=0), segments.max(axis=0)) == (pytest.approx([3.5, 2.5]), pytest.approx([9.5, 8.5]))
+
+
+def test_clusters_with_gaps_are_those_that_lost_walls():
+    target = np.zeros((4, 16, 16), np.int8)
+    target[:, 5:8] = 1
+    shown = target.copy()
+    shown[[1, 3]] = 0
+    shown[2, 5, :3] = 0  # too little to look at
+    assert gapped_clusters(shown, target, 6).tolist() == [1, 3]
+    assert len(gapped_clusters(shown, target, 1)) == 1
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("with_truth", [False, True])
+def test_pipeline_selects_the_cluster_that_lost_most(dimension, with_truth):
+    site = room(dimension)
+    centre = [2.0, 0.2, 1.0][:dimension]
+    shown = Gaps(np.array([centre]), np.array([0.7]), site.resolution_m).cut(site.fit)
+    figure = pipeline_picture(shown, reconstructor(dimension), site.fit if with_truth else None)
+    titles = [axes.get_title(loc="left") for axes in figure.axes if axes.get_title(loc="left")]
+    assert titles == ["cloud", "cluster", "aligned grid", "reconstruction"] + ["truth"] * with_truth
+    box, ball = figure.axes[0].patches
+    assert ball.center == pytest.approx(box.get_xy()[:4].mean(axis=0))
+    if with_truth:
+        assert np.hypot(*(np.array(ball.center) - centre[:2])) < ball.radius + 0.7
+        assert figure.axes[2].collections and figure.axes[2].images[0].get_array().min() == 0
+    figure.draw_without_rendering()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_prior_grids_repeat_with_the_seed(dimension):
+    def images(seed):
+        figure = prior_picture(reconstructor(dimension), columns=2, rows=2, seed=seed)
+        return np.array([axes.images[0].get_array() for axes in figure.axes if axes.images][:4])
+
+    first = images(0)
+    assert first.shape == (4, 16, 16) and (first >= 0).all() and (first <= 1).all()
+    np.testing.assert_array_equal(first, images(0))
+    assert (first != images(1)).any()

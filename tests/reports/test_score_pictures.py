@@ -1,0 +1,49 @@
+import numpy as np
+import pytest
+from reports_toys import result
+
+from hilbertvae.reports.colours import line_styles
+from hilbertvae.reports.score_pictures import precision_recall_picture, reliability, reliability_picture
+
+
+def test_curves_are_the_result_s_means():
+    found = result()
+    figure = precision_recall_picture(found)
+    assert [axes.get_xlabel() for axes in figure.axes] == ["recall", "recall"]
+    for axes, reading in zip(figure.axes, ("points", "voxels"), strict=True):
+        curves = [line for line in axes.lines if len(line.get_xdata()) == 101]
+        assert len(curves) == 2
+        for line, name in zip(curves, found.curves, strict=True):
+            np.testing.assert_allclose(line.get_ydata(), np.mean(found.curves[name][reading], axis=0))
+        cuts = [(line.get_xdata()[0], line.get_ydata()[0]) for line in axes.lines if len(line.get_xdata()) == 1]
+        gaps = found.scores["cvae-hm"][reading]["gaps"]
+        assert cuts[0] == pytest.approx((np.mean(gaps["recall"]), np.mean(gaps["precision"])))
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["cvae-hm", "nearest"]
+    figure.draw_without_rendering()
+
+
+def test_no_curves_is_an_error():
+    found = result()
+    found.curves = {}
+    with pytest.raises(ValueError, match="curves"):
+        precision_recall_picture(found)
+
+
+def test_every_mapper_has_a_style_of_its_own():
+    names = [f"mapper-{number}" for number in range(12)] + ["cvae-hm", "cvae-hm-points", "cvae-hm-paper"]
+    styles = line_styles(names)
+    assert len({(style["color"], str(style["linestyle"])) for style in styles.values()}) == len(names)
+
+
+def test_reliability_by_brute_force():
+    rng = np.random.default_rng(0)
+    probability = np.append(rng.random(5000), [0.0, 1.0])
+    occupied = rng.random(len(probability)) < probability
+    mean, share, count = reliability(occupied, probability)
+    assert count.sum() == len(probability)
+    for b in (0, 6, 14):
+        inside = (probability >= b / 15) & ((probability < (b + 1) / 15) | (b == 14))
+        assert (count[b], mean[b], share[b]) == pytest.approx((inside.sum(), probability[inside].mean(), occupied[inside].mean()))
+    figure = reliability_picture({"cvae-hm": (occupied, probability), "nearest": (occupied, np.zeros(len(occupied)))}, "room")
+    assert "ECE" in figure.axes[0].get_legend().get_texts()[0].get_text()
+    figure.draw_without_rendering()

@@ -1,0 +1,91 @@
+import io
+import re
+
+import numpy as np
+import pytest
+from reports_toys import result
+from rich.console import Console
+
+from hilbertvae.reports.paper_table import PAPER, paper_table
+from hilbertvae.reports.score_table import markdown_scores, percent, print_scores, rows_of
+
+
+def printed(found, width):
+    console = Console(file=io.StringIO(), width=width)
+    print_scores(found, console)
+    return console.file.getvalue()
+
+
+def test_cells_are_the_result_s_numbers():
+    found = result()
+    *rows, ceiling = rows_of(found, "voxels")
+    assert [row[0] for row in rows] == ["cvae-hm", "nearest"]
+    columns = [(region, metric) for region in ("observed", "gaps") for metric in ("precision", "recall", "f1", "auc")]
+    for row in rows:
+        for cell, (region, metric) in zip(row[1:], columns, strict=True):
+            values = 100 * np.array(found.scores[row[0]]["voxels"][region][metric])
+            mean, spread = map(float, cell.strip("*").split("±"))
+            assert (mean, spread) == pytest.approx((values.mean(), values.std(ddof=1)), abs=0.051)
+    assert ceiling == ["ceiling", "100.0", "99.0", *["-"] * 6]
+
+
+def test_the_best_f1_and_auc_are_bold_and_nothing_else():
+    found = result()
+    better = max(found.scores, key=lambda name: np.mean(found.scores[name]["points"]["gaps"]["f1"]))
+    rows = {row[0]: row for row in rows_of(found, "points")}
+    assert rows[better][7].startswith("**")
+    assert sum(cell.startswith("**") for row in rows.values() for cell in row) == 4
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_console_shows_every_cell_whole(width):
+    found = result(mappers=("cvae-hm-points", "nearest"))
+    found.scores["nearest"]["points"]["gaps"]["recall"] = [1.0, 1.0, 1.0]
+    text = printed(found, width)
+    assert max(map(len, text.splitlines())) <= width and "…" not in text
+    for reading in ("points", "voxels"):
+        for row in rows_of(found, reading):
+            for cell in row:
+                assert cell.strip("*") in text
+    lines = [line.split()[0] for line in text.split("scored on voxels")[0].splitlines() if line.strip()]
+    assert "ceiling" in lines
+
+
+def test_one_seed_has_no_spread_and_a_missing_region_no_number():
+    assert percent([0.8512]) == "85.1"
+    assert percent([0.5, 0.7]) == "60.0±14.1"
+    found = result(seeds=(7,))
+    del found.scores["nearest"]["points"]["observed"]
+    text = printed(found, 120)
+    assert "±" not in text.replace("mean±sd", "") and "1 gap seed," in text
+    assert rows_of(found, "points")[1][1:5] == ["-"] * 4
+
+
+def test_failed_mappers_are_listed_with_their_message():
+    found = result()
+    found.failed["gpom"] = "InputError: [too slow]"
+    assert "gpom failed: InputError: [too slow]" in printed(found, 120)
+    assert [row[0] for row in rows_of(found, "points")] == ["cvae-hm", "nearest", "gpom", "ceiling"]
+    assert "gpom failed: InputError: [too slow]" in markdown_scores(found)
+
+
+def test_markdown_has_the_same_numbers_and_the_best_f1():
+    found = result()
+    lines = [line for line in markdown_scores(found).splitlines() if line.startswith("| nearest")]
+    assert len(lines) == 2
+    cells = [cell.strip(" *") for cell in lines[0].strip("|").split("|")]
+    expected = [cell.strip("*") for cell in rows_of(found, "points")[1]]
+    assert cells[:5] == expected[:5] and cells[6:10] == expected[5:]
+    assert cells[10] == percent(found.scores["nearest"]["points"]["gaps"]["best_f1"])
+
+
+def test_the_paper_s_rows_stand_beside_ours():
+    found = result(mappers=("cvae-hm-paper", "cvae-hm-points", "lard-hm"))
+    found.scores["cvae-hm-paper"]["points"]["gaps"].update(precision=[0.8, 0.9, 1.0], recall=[0.5, 0.5, 0.5])
+    text = paper_table(found)
+    row = next(line for line in text.splitlines() if "cvae-hm-paper" in line)
+    assert "90.86 / 86.29" in row and "90.0±10.0 / 50.0±0.0" in row and "-0.9 / -36.3" in row
+    assert re.search(r"\| GPOM \| - \|", text)
+    assert len([line for line in text.splitlines() if line.startswith("| CVAE-HM")]) == 2
+    assert "16.85 / 21.94" in paper_table(result(dimension=3))
+    assert set(PAPER) == {2, 3}

@@ -1,0 +1,131 @@
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgba
+from matplotlib.patches import Circle
+from reports_toys import result, room
+
+from hilbertvae.gaps import Gaps
+from hilbertvae.mappers.nearest import NearestMapper
+from hilbertvae.reports.canvas import new_figure, outline_cells, outline_gaps, pixels, round_length, save_picture
+from hilbertvae.reports.colours import GAP_COLOUR, PROBABILITY
+from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
+
+
+def circles(axes):
+    return [patch for patch in axes.patches if isinstance(patch, Circle)]
+
+
+@pytest.fixture(scope="module")
+def maps():
+    site = room()
+    gaps = Gaps(np.array([[2.0, 0.5], [9.7, 4.0], [5.0, 3.0]]), np.array([0.8, 0.6, 0.5]), site.resolution_m)
+    shown = gaps.cut(site.fit)
+    mappers = {"nearest": NearestMapper(1), "nearest-15": NearestMapper(15)}
+    return SiteMaps.draw(site, gaps, {name: mapper.fit(shown.points, shown.occupied) for name, mapper in mappers.items()})
+
+
+def test_what_mappers_are_given_has_gaps_and_the_truth_has_not(maps):
+    x, y = maps.raster.queries().T
+    for centre, radius in zip(maps.gaps.centres, maps.gaps.radius_m, strict=True):
+        inside = maps.raster.image(np.hypot(x - centre[0], y - centre[1]) < radius - 0.15)
+        assert not maps.shown[inside].any()
+        assert maps.truth[inside].any()
+    assert maps.hidden[2] == 0 and maps.hidden[:2].min() > 5  # the last is in the middle of the room
+
+
+def test_site_map_outlines_every_gap_in_every_panel(maps):
+    figure = site_map_picture(maps, zooms=2)
+    panels = [axes for axes in figure.axes if axes.get_title(loc="left")]
+    assert [axes.get_title(loc="left") for axes in panels][0] == "room, before"
+    assert [axes.get_title(loc="left") for axes in panels][2:] == ["nearest", "nearest-15"]
+    for axes in panels:
+        assert [tuple(circle.center) for circle in circles(axes)] == [tuple(centre) for centre in maps.gaps.centres]
+        assert [circle.radius for circle in circles(axes)] == maps.gaps.radius_m.tolist()
+        assert axes.images[0].origin == "lower"
+    np.testing.assert_array_equal(panels[2].images[0].get_array(), maps.maps["nearest"])
+    np.testing.assert_allclose(panels[2].images[0].get_extent(), maps.raster.extent)
+    assert panels[2].images[0].get_clim() == (0, 1)
+
+
+def test_zooms_stand_around_their_gaps(maps):
+    figure = gap_zoom_picture(maps, zooms=2)
+    chosen = maps.telling(2)
+    panels = [axes for axes in figure.axes if axes.images and circles(axes)]
+    assert len(panels) == 3 * len(chosen)
+    for axes, gap in zip(panels, chosen * 3, strict=True):
+        assert np.mean(axes.get_xlim()) == pytest.approx(maps.gaps.centres[gap, 0])
+        assert np.mean(axes.get_ylim()) == pytest.approx(maps.gaps.centres[gap, 1])
+        assert np.ptp(axes.get_xlim()) == pytest.approx(4 * maps.gaps.radius_m[gap])
+        left, right, bottom, top = axes.images[0].get_extent()  # no white paper, which would look free
+        assert left <= axes.get_xlim()[0] and right >= axes.get_xlim()[1] and bottom <= axes.get_ylim()[0] and top >= axes.get_ylim()[1]
+
+
+def test_telling_goes_from_the_fullest_gap_to_the_middle_one(maps):
+    many = SiteMaps(maps.name, maps.raster, maps.gaps, np.array([3, 50, 0, 40, 10, 30, 20]), maps.truth, maps.shown, {})
+    assert many.telling(3) == [1, 5, 6]
+    assert many.telling(100) == [1, 3, 5, 6]
+
+
+def test_contact_sheet_names_and_roles():
+    figure = contact_sheet([(room(name="a"), "train"), (room(3, name="b"), "test"), (room(name="c"), "train")], columns=2)
+    titled = [(axes.get_title(loc="left"), axes.get_title(loc="right")) for axes in figure.axes if axes.get_visible()]
+    assert titled == [("a", "train"), ("b", "test"), ("c", "train")]
+    for axes in figure.axes[:3]:
+        left, right, bottom, top = axes.images[0].get_extent()
+        assert right - left == pytest.approx(top - bottom)
+        assert left < 0 < 10 < right and bottom < 0 < 6 < top
+
+
+def test_3d_site_is_drawn_as_a_slice():
+    site = room(3)
+    gaps = Gaps(np.array([[2.0, 0.5, 1.0], [9.5, 4.0, 2.9]]), np.array([0.8, 0.6]), site.resolution_m)
+    shown = gaps.cut(site.fit)
+    maps = SiteMaps.draw(site, gaps, {"nearest": NearestMapper(1).fit(shown.points, shown.occupied)}, height_m=1.5)
+    axes = site_map_picture(maps).axes[0]
+    (circle,) = circles(axes)  # the second ball does not reach the slice
+    assert circle.radius == pytest.approx(np.sqrt(0.8**2 - 0.5**2))
+
+
+def test_outlines_lie_where_the_cells_are():
+    chosen = np.zeros((12, 20), bool)
+    chosen[3:8, 5:15] = True
+    chosen[10, 2:9] = True  # a sliver of one cell's width
+    axes = new_figure(2, 2).subplots()
+    outline_cells(axes, chosen)
+    segments = np.concatenate(axes.collections[0].get_segments())
+    assert (segments.min(axis=0), segments.max(axis=0)) == (pytest.approx([4.5, 2.5]), pytest.approx([14.5, 7.5]))
+    assert len(axes.collections[0].get_segments()) == 2 * (5 + 10)
+
+
+def test_pixels_show_a_gap_s_outline_where_it_is():
+    figure = new_figure(2, 2)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set(xlim=(0, 10), ylim=(0, 10))
+    axes.axis("off")
+    figure.set_layout_engine("none")
+    outline_gaps(axes, Gaps(np.array([[8.0, 7.0]]), np.array([1.0]), 0.1), linewidth=3)
+    image = pixels(figure)
+    assert image.dtype == np.uint8 and image.shape == (300, 300, 3)
+    green = np.abs(image.astype(int) - np.array(to_rgba(GAP_COLOUR)[:3]) * 255).sum(axis=2) < 30
+    row, column = np.nonzero(green)
+    assert (column.min() + column.max()) / 2 == pytest.approx(240, abs=2)
+    assert (row.min() + row.max()) / 2 == pytest.approx(90, abs=2)  # rows of pixels run from the top
+
+
+def test_colours_darken_from_free_to_occupied_and_unknown_has_no_hue():
+    colours = PROBABILITY(np.linspace(0, 1, 101))[:, :3]
+    luminance = colours**2.2 @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(luminance) < 0).all()
+    assert np.ptp(PROBABILITY(0.5)[:3]) < 0.01
+
+
+def test_round_length():
+    assert [round_length(metres) for metres in (0.7, 1, 1.9, 2.0, 7.3, 49.9, 200)] == [0.5, 1, 1, 2, 5, 20, 200]
+
+
+def test_gaps_of_a_result_and_a_saved_picture(maps, tmp_path):
+    gaps = gaps_of(result(), room(), seed=2)
+    assert gaps.centres.tolist() == [[3.0, 2.0]] and gaps.radius_m.tolist() == [1.25] and gaps.resolution_m == 0.1
+    path = save_picture(gap_zoom_picture(maps, 1), tmp_path / "new" / "zoom.png")
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert [file.name for file in path.parent.iterdir()] == ["zoom.png"]

@@ -1,0 +1,129 @@
+import gzip
+import math
+
+import numpy as np
+import pytest
+from toy_rooms import carmen_line, write_log
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.carmen import beam_step_deg, read_carmen
+
+
+@pytest.mark.parametrize("name", ["drive.log", "drive.log.gz"])
+@pytest.mark.parametrize(("beams", "step_deg"), [(180, 1.0), (181, 1.0), (360, 0.5), (361, 0.5)])
+def test_what_was_written_is_read_back(tmp_path, name, beams, step_deg):
+    rng = np.random.default_rng(beams)
+    ranges, poses = rng.uniform(0.1, 20.0, (3, beams)).round(9), rng.uniform(-4, 4, (3, 3)).round(9)
+    scans = read_carmen(write_log(tmp_path / name, [carmen_line(*each) for each in zip(ranges, poses, strict=True)]))
+    assert len(scans) == 3 * beams and scans.dimension == 2
+    row = 0
+    for sweep in range(3):
+        x, y, heading = poses[sweep]
+        for beam in range(beams):
+            angle = heading + math.radians(-90 + beam * step_deg)
+            end = [x + ranges[sweep, beam] * math.cos(angle), y + ranges[sweep, beam] * math.sin(angle)]
+            np.testing.assert_allclose(scans.points[row], end, rtol=0, atol=1e-9)
+            assert (scans.scan[row], scans.beam[row]) == (sweep, beam)
+            np.testing.assert_array_equal(scans.origins[row], [x, y])
+            row += 1
+
+
+def test_no_return_codes_are_skipped(tmp_path):
+    ranges = np.full(180, 3.0)
+    ranges[[0, 7, 8, 9, 10]] = [81.83, 25.0, 0.0, -1.0, 24.999]
+    ranges[[20, 21]] = [np.nan, np.inf]
+    scans = read_carmen(write_log(tmp_path / "a.log", [carmen_line(ranges, [0, 0, 0])]), max_range_m=25.0)
+    assert set(range(180)) - set(scans.beam.tolist()) == {0, 7, 8, 9, 20, 21}
+
+
+def test_every_keeps_the_order_and_counts_only_laser_lines(tmp_path):
+    lines = [carmen_line(np.full(180, 1.0 + k), [k, 0, 0]) for k in range(7)]
+    for k in (2, 4):
+        lines.insert(k, carmen_line([9.0] * 180, [0, 0, 0], command="RLASER") + "ODOM 1 2 3 4 5 6 7 host 8\n")
+    path = write_log(tmp_path / "a.log", lines)
+    np.testing.assert_array_equal(np.unique(read_carmen(path, every=3).origins[:, 0]), [0, 3, 6])
+    np.testing.assert_array_equal(np.unique(read_carmen(path, every=3).scan), [0, 1, 2])
+    np.testing.assert_array_equal(np.unique(read_carmen(path).origins[:, 0]), range(7))
+
+
+def test_other_beams_than_the_usual(tmp_path):
+    assert [beam_step_deg(beams) for beams in (180, 181, 360, 361)] == [1.0, 1.0, 0.5, 0.5]
+    path = write_log(tmp_path / "a.log", [carmen_line([2.0, 2.0, 2.0], [0, 0, 0])])
+    scans = read_carmen(path, first_beam_deg=0.0, step_deg=90.0)
+    np.testing.assert_allclose(scans.points, [[2, 0], [0, 2], [-2, 0]], atol=1e-12)
+
+
+def good_lines(count=50):
+    rng = np.random.default_rng(0)
+    return [carmen_line(rng.uniform(1, 9, 180), [k, 0, 0]) for k in range(count)]
+
+
+def test_a_missing_log(tmp_path):
+    with pytest.raises(InputError, match="nowhere.log.*no such file"):
+        read_carmen(tmp_path / "nowhere.log")
+
+
+def test_a_folder_instead_of_a_log(tmp_path):
+    with pytest.raises(InputError, match="can't be read as a CARMEN log"):
+        read_carmen(tmp_path)
+
+
+def test_a_truncated_gzip(tmp_path):
+    whole = write_log(tmp_path / "whole.log.gz", good_lines()).read_bytes()
+    path = tmp_path / "half.log.gz"
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match="half.log.gz.*truncated"):
+        read_carmen(path)
+
+
+@pytest.mark.parametrize("place", [0.3, 0.6])
+def test_a_damaged_gzip(tmp_path, place):
+    content = bytearray(write_log(tmp_path / "whole.log.gz", good_lines()).read_bytes())
+    middle = int(place * len(content))
+    content[middle : middle + 200] = bytes(200)
+    path = tmp_path / "damaged.log.gz"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="damaged.log.gz"):
+        read_carmen(path)
+
+
+def test_a_gzip_header_with_nothing_behind_it(tmp_path):
+    path = tmp_path / "head.log.gz"
+    path.write_bytes(gzip.compress(b"")[:5])
+    with pytest.raises(InputError, match="head.log.gz"):
+        read_carmen(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 8, b"x,y,z\n1,2,3\n", gzip.compress(b"ODOM 1 2 3\n")])
+def test_a_foreign_file(tmp_path, content):
+    path = tmp_path / "foreign.log"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="foreign.log: expected a CARMEN log with FLASER lines, found none"):
+        read_carmen(path)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("FLASER 180 1.0 2.0 0 0 0\n", "line 3: truncated; 180 ranges and a pose claimed, 5 numbers found"),
+        ("FLASER 3 1.0 2.0 3.0 0.5 0.5\n", "line 3: truncated"),
+        ("FLASER 1000000000 1.0 0 0 0\n", "line 3: expected 1 to 4096 ranges, the line claims 1000000000"),
+        (f"FLASER {'9' * 5000} 1.0 0 0 0\n", "line 3: expected"),
+        ("FLASER 0 1.0 0 0 0\n", "line 3: expected 1 to 4096 ranges"),
+        ("FLASER -3 1.0 0 0 0\n", "line 3: expected 'FLASER <number of ranges>"),
+        ("FLASER \n", "line 3: expected 'FLASER <number of ranges>"),
+        ("FLASER 1 one 0 0 0 \n", "line 3: expected numbers"),
+        ("FLASER 1 1.0 nan 0 0\n", "line 3: expected a finite pose"),
+        ("FLASER 1 1.0 0 0 inf\n", "line 3: expected a finite pose"),
+        ("FLASER 2 81.83 0.0 0 0 0\n", "expected ranges below 30.0 m, found none in 1 scans"),
+    ],
+)
+def test_bad_lines_are_named(tmp_path, line, message):
+    with pytest.raises(InputError, match=f"bad.log.*{message}"):
+        read_carmen(write_log(tmp_path / "bad.log", [line]))
+
+
+@pytest.mark.parametrize("options", [{"every": 0}, {"max_range_m": 0.0}, {"max_range_m": np.nan}])
+def test_bad_options_are_named(tmp_path, options):
+    with pytest.raises(InputError, match=next(iter(options))):
+        read_carmen(write_log(tmp_path / "a.log", good_lines(2)), **options)

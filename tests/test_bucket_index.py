@@ -1,0 +1,47 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hilbertvae.bucket_index import BucketIndex
+
+
+def brute_force(points, low, high):
+    pairs = []
+    for box in range(len(low)):
+        for point in range(len(points)):
+            if all(low[box, d] <= points[point, d] <= high[box, d] for d in range(points.shape[1])):
+                pairs.append((box, point))
+    return pairs
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    dimension=st.integers(2, 3),
+    count=st.integers(0, 40),
+    boxes=st.integers(0, 8),
+    size_m=st.sampled_from([0.1, 0.5, 1.0, 7.0]),
+)
+def test_pairs_equal_brute_force(seed, dimension, count, boxes, size_m):
+    rng = np.random.default_rng(seed)
+    points = np.round(rng.uniform(-3, 3, (count, dimension)), 1)  # many on the edges of buckets and boxes
+    low = np.round(rng.uniform(-5, 5, (boxes, dimension)), 1)
+    high = low + np.round(rng.uniform(0, 4, (boxes, dimension)), 1)
+    box, point = BucketIndex(points, size_m).in_boxes(low, high)
+    assert (np.diff(box) >= 0).all()
+    assert sorted(zip(box.tolist(), point.tolist(), strict=True)) == brute_force(points, low, high)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_boxes_far_outside_hold_nothing(dimension):
+    points = np.random.default_rng(0).uniform(0, 1, (20, dimension))
+    for shift in (-100.0, 100.0):
+        low = np.full((1, dimension), shift)
+        assert [len(part) for part in BucketIndex(points, 0.3).in_boxes(low, low + 1)] == [0, 0]
+
+
+def test_large_coordinates():
+    points = np.array([[500_000.0, 5_400_000.0], [500_000.5, 5_400_000.25]])
+    box, point = BucketIndex(points, 0.2).in_boxes(points - 0.1, points + 0.1)
+    assert list(zip(box, point, strict=True)) == [(0, 0), (1, 1)]

@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+
+from hilbertvae.checks import InputError, check_points, check_positive
+
+
+def test_points_come_back_as_float64():
+    found = check_points([[1, 2], [3, 4]])
+    assert found.dtype == np.float64
+    np.testing.assert_array_equal(found, [[1.0, 2.0], [3.0, 4.0]])
+
+
+@pytest.mark.parametrize(
+    ("points", "options", "message"),
+    [
+        ([], {}, r"cloud: expected shape \(N, 2\) or \(N, 3\), got \(0,\)"),
+        (np.empty((0, 2)), {}, "cloud: expected at least one point"),
+        ([1.0, 2.0], {}, r"got \(2,\)"),
+        (np.ones((4, 4)), {}, r"got \(4, 4\)"),
+        (np.ones((4, 3)), {"dimension": 2}, r"expected shape \(N, 2\), got \(4, 3\)"),
+        ([[1.0, 2.0], [3.0]], {}, "array of numbers, got list"),
+        ("points", {}, "array of numbers, got str"),
+        ([["a", "b"]], {}, "array of numbers"),
+        ([[0.0, np.nan], [0.0, 0.0], [np.inf, 1.0]], {}, "2 of 3 points with NaN or inf"),
+    ],
+)
+def test_bad_points_are_named(points, options, message):
+    with pytest.raises(InputError, match=message):
+        check_points(points, "cloud", **options)
+
+
+def test_no_points_where_none_are_allowed():
+    assert check_points(np.empty((0, 3)), allow_empty=True).shape == (0, 3)
+
+
+@pytest.mark.parametrize("value", [0, -1.0, np.nan, np.inf, True, "1", None])
+def test_not_positive(value):
+    with pytest.raises(InputError, match="size_m: expected a positive number"):
+        check_positive(value, "size_m")
+
+
+@pytest.mark.parametrize("value", [1, 0.5, np.float32(2.0), np.int64(3)])
+def test_positive(value):
+    found = check_positive(value, "size_m")
+    assert type(found) is float and found == value

@@ -1,0 +1,54 @@
+import hashlib
+import json
+import os
+
+import pytest
+
+from hilbertvae.files import atomic, file_sha256, hash_of, write_json
+
+
+def test_a_block_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "deep" / "result.json"
+    write_json(path, {"a": 1})
+    with pytest.raises(RuntimeError, match="killed"), atomic(path) as temporary:
+        temporary.write_text("half of a fi")
+        raise RuntimeError("killed")
+    assert json.loads(path.read_text()) == {"a": 1}
+    assert [found.name for found in path.parent.iterdir()] == ["result.json"]
+
+
+def test_the_file_is_not_there_until_the_block_ends(tmp_path):
+    path = tmp_path / "grids.npy"
+    with atomic(path) as temporary:
+        temporary.write_bytes(b"123")
+        assert not path.exists()
+        assert temporary.suffix == ".npy" and temporary.parent == tmp_path
+    assert path.read_bytes() == b"123"
+
+
+def test_the_file_gets_the_usual_rights_not_those_of_a_temporary_one(tmp_path):
+    ordinary, path = tmp_path / "ordinary", tmp_path / "atomic"
+    ordinary.touch()
+    with atomic(path):
+        pass
+    assert os.stat(path).st_mode == os.stat(ordinary).st_mode
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_json_without_numbers_that_json_lacks(tmp_path, value):
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(tmp_path / "result.json", {"auc": value})
+    assert not list(tmp_path.iterdir())
+
+
+def test_hash_of_a_file(tmp_path):
+    path = tmp_path / "log"
+    path.write_bytes(b"FLASER" * 100_000)
+    assert file_sha256(path) == hashlib.sha256(b"FLASER" * 100_000).hexdigest()
+
+
+def test_hash_of_settings_sees_content_and_not_order():
+    assert hash_of({"a": 1, "b": [2, 3]}) == hash_of({"b": [2, 3], "a": 1})
+    different = [{"a": 1}, {"a": 2}, {"a": "1"}, {"b": 1}, {"a": [1]}, {"a": None}]
+    assert len({hash_of(content) for content in different}) == len(different)
+    assert len(hash_of({}, digits=12)) == 12

@@ -1,0 +1,115 @@
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hilbertvae.checks import InputError
+from hilbertvae.cloud import Cloud, voxel_index
+from hilbertvae.gaps import INSIDE, OUTSIDE, RIM, Gaps, random_gaps
+
+
+def part_by_loop(gaps, point):
+    """Every corner of the point's voxel in a ball: inside. Its nearest point in a ball, but not all corners: rim."""
+    low = np.floor(point / gaps.resolution_m) * gaps.resolution_m
+    high = low + gaps.resolution_m
+    for centre, radius in zip(gaps.centres, gaps.radius_m, strict=True):
+        corners = [np.array(corner) for corner in itertools.product(*zip(low, high, strict=True))]
+        if all(np.linalg.norm(corner - centre) < radius for corner in corners):
+            return INSIDE
+        nearest = np.array([min(max(c, a), b) for c, a, b in zip(centre, low, high, strict=True)])
+        if np.linalg.norm(nearest - centre) < radius:
+            return RIM
+    return OUTSIDE
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(2, 3), balls=st.integers(1, 3), resolution_m=st.sampled_from([0.1, 0.4]))
+def test_parts_equal_brute_force(seed, dimension, balls, resolution_m):
+    rng = np.random.default_rng(seed)
+    centres = rng.uniform(-1, 1, (balls, dimension)) + 3 * np.arange(balls)[:, None]
+    gaps = Gaps(centres, rng.uniform(0.3, 1.2, balls), resolution_m)
+    points = rng.uniform(-2, 8, (150, dimension))
+    points[:60] = centres[0] + rng.normal(0, 0.7, (60, dimension))
+    np.testing.assert_array_equal(gaps.part(points), [part_by_loop(gaps, point) for point in points])
+
+
+def test_the_voxel_decides_not_the_point(place):
+    gaps = random_gaps(place.fit, 2.5, place.resolution_m, seed=0)
+    parts = {}
+    for cloud in (place.fit, place.whole, place.points, place.voxels):
+        for index, part in zip(map(tuple, voxel_index(cloud.points, place.resolution_m).tolist()), gaps.part(cloud.points), strict=True):
+            assert parts.setdefault(index, part) == part
+    assert set(parts.values()) == {INSIDE, OUTSIDE, RIM}
+
+
+def test_no_point_inside_a_ball_is_shown_and_none_on_the_rim(place):
+    gaps = random_gaps(place.fit, 2.5, place.resolution_m, seed=1)
+    for cloud in (place.fit, place.points, place.voxels):
+        left, part = gaps.cut(cloud), gaps.part(cloud.points)
+        distance = np.linalg.norm(left.points[:, None] - gaps.centres, axis=2)
+        assert (distance >= gaps.radius_m).all()
+        assert len(left) == (part == OUTSIDE).sum() < len(cloud)
+        removed = cloud.points[part == INSIDE]
+        assert (np.linalg.norm(removed[:, None] - gaps.centres, axis=2) < gaps.radius_m).any(axis=1).all()
+
+
+@settings(max_examples=12, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), diameter_m=st.sampled_from([1.0, 1.5, 2.5, (1.0, 2.5)]))
+def test_ten_to_fifteen_percent_in_balls_that_lie_apart(room, seed, diameter_m):
+    cloud = room.fit
+    gaps = random_gaps(cloud, diameter_m, room.resolution_m, seed)
+    gone = (gaps.part(cloud.points) != OUTSIDE).mean()
+    assert 0.10 <= gone <= 0.15
+    low, high = np.broadcast_to(diameter_m, 2) / 2
+    assert ((gaps.radius_m >= low) & (gaps.radius_m <= high)).all()
+    for (a, r), (b, s) in itertools.combinations(zip(gaps.centres, gaps.radius_m, strict=True), 2):
+        assert np.linalg.norm(a - b) >= r + s
+    # Each ball was put around an occupied point: moved by at most the radius.
+    nearest = np.linalg.norm(gaps.centres[:, None] - cloud.points[cloud.occupied], axis=2).min(axis=1)
+    assert (nearest <= gaps.radius_m).all()
+
+
+def test_centred_balls_stand_on_occupied_points_and_others_do_not(place):
+    returns = place.fit.points[place.fit.occupied]
+
+    def distances(centred):
+        gaps = [random_gaps(place.fit, 1.5, place.resolution_m, seed, centred) for seed in range(5)]
+        centres = np.concatenate([each.centres for each in gaps])
+        return np.linalg.norm(centres[:, None] - returns, axis=2).min(axis=1)
+
+    assert (distances(centred=True) == 0).all()
+    assert (distances(centred=False) > 0).all()
+
+
+def test_offsets_are_uniform_in_the_ball():
+    """With one occupied point in a wide field of free ones, the centres are its offsets."""
+    rng = np.random.default_rng(0)
+    for dimension in (2, 3):
+        points = np.vstack([np.zeros(dimension), rng.uniform(-1.5, 1.5, (400, dimension))])
+        cloud = Cloud(points, np.arange(401) == 0, np.ones(401))
+        centres = np.array([random_gaps(cloud, 0.8, 0.05, seed, attempts=1).centres[0] for seed in range(500)])
+        share = (np.linalg.norm(centres, axis=1) / 0.4) ** dimension  # uniform in [0, 1] for a uniform ball
+        assert (share <= 1).all()
+        np.testing.assert_allclose(np.quantile(share, [0.25, 0.5, 0.75]), [0.25, 0.5, 0.75], atol=0.08)
+        np.testing.assert_allclose(centres.mean(axis=0), 0, atol=0.04)
+
+
+def test_the_same_seed_gives_the_same_balls(room):
+    first, again, other = (random_gaps(room.fit, 1.5, room.resolution_m, seed) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first.centres, again.centres)
+    assert first.centres.shape != other.centres.shape or (first.centres != other.centres).any()
+
+
+def test_a_site_too_small_for_a_gap(room):
+    with pytest.raises(InputError, match="gaps of 40.0 m: none fits .* more than 15%"):
+        random_gaps(room.fit, 40.0, room.resolution_m, seed=0, centred=True, attempts=50)
+
+
+def test_nothing_to_put_gaps_around():
+    cloud = Cloud(np.random.default_rng(0).uniform(0, 9, (50, 2)), np.zeros(50, bool), np.ones(50))
+    with pytest.raises(InputError, match="expected occupied points to put gaps around"):
+        random_gaps(cloud, 2.5, 0.1, seed=0)
+    with pytest.raises(InputError, match="diameter_m: expected a positive number"):
+        random_gaps(Cloud(cloud.points, ~cloud.occupied, cloud.weight), 0.0, 0.1, seed=0)

@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+from toy_rooms import carmen_line, write_log
+
+from hilbertvae.checks import InputError
+from hilbertvae.cloud import fit_cloud, points_cloud, voxel_cloud, voxel_index
+from hilbertvae.simulate.building import BuildingSettings
+from hilbertvae.site import Site, open_site, read_scans
+
+
+def voxels_of(cloud, resolution_m):
+    return [tuple(index) for index in voxel_index(cloud.points, resolution_m).tolist()]
+
+
+def test_the_clouds_are_those_of_the_protocol(place):
+    scans, resolution_m = place.scans, place.resolution_m
+    assert resolution_m == {2: 0.1, 3: 0.2}[place.dimension]
+    kept = scans.select(~scans.held_out())
+    for cloud, expected in (
+        (place.fit, fit_cloud(kept, resolution_m)),
+        (place.whole, fit_cloud(scans, resolution_m)),
+        (place.voxels, voxel_cloud(scans, resolution_m)),
+        (place.points, points_cloud(scans, resolution_m, seed=0)[0]),
+    ):
+        for name in ("points", "occupied", "weight"):
+            np.testing.assert_array_equal(getattr(cloud, name), getattr(expected, name))
+
+
+def test_a_held_out_beam_leaves_nothing_in_what_mappers_are_given(place):
+    """A return of a held-out beam in a voxel of its own is in no point of `fit`."""
+    held_out = place.scans.held_out()
+    alone = set(voxels_of(fit_cloud(place.scans.select(held_out), place.resolution_m), place.resolution_m))
+    alone -= set(voxels_of(fit_cloud(place.scans.select(~held_out), place.resolution_m), place.resolution_m))
+    assert alone and not alone & set(voxels_of(place.fit, place.resolution_m))
+    assert alone <= set(voxels_of(place.whole, place.resolution_m))
+
+
+def test_which_voxels_the_held_out_beams_saw(place):
+    every = voxels_of(place.voxels, place.resolution_m)
+    for mask, beams in ((place.voxels_held_out, place.scans.held_out()), (place.voxels_fitted, ~place.scans.held_out())):
+        seen = set(voxels_of(voxel_cloud(place.scans.select(beams), place.resolution_m), place.resolution_m))
+        np.testing.assert_array_equal(mask, [index in seen for index in every])
+    assert (place.voxels_held_out | place.voxels_fitted).all()
+
+
+def test_which_points_belong_to_held_out_beams(place):
+    _, beam = points_cloud(place.scans, place.resolution_m)
+    held_out = place.scans.held_out()
+    np.testing.assert_array_equal(place.points_held_out, [held_out[k] for k in beam])
+    assert place.points_held_out.mean() == pytest.approx(0.1, abs=0.02)
+
+
+def test_another_resolution(room):
+    coarse = Site("coarse", room.scans, 0.5)
+    assert len(coarse.voxels) < len(room.voxels) / 5
+
+
+def test_open_site_by_the_path_of_a_log(tmp_path):
+    path = write_log(tmp_path / "attic.log.gz", [carmen_line(np.full(180, 2.0 + k), [k, 0, 0]) for k in range(3)])
+    site = open_site(str(path))
+    assert (site.name, site.dimension, len(site.scans)) == ("attic.log.gz", 2, 540)
+
+
+def test_open_site_by_the_seed_of_a_simulated_building():
+    pytest.importorskip("embreex")
+    pytest.importorskip("shapely")
+    building = BuildingSettings(scans=10, shortest_extent_m=12.0, longest_extent_m=14.0)
+    first, again, other = (open_site(f"simulated:{seed}", building=building) for seed in (5, 5, 6))
+    assert first.name == "simulated:5"
+    np.testing.assert_array_equal(first.scans.points, again.scans.points)
+    assert len(first.scans) != len(other.scans) or (first.scans.points != other.scans.points).any()
+
+
+@pytest.mark.parametrize(
+    ("reference", "message"),
+    [
+        ("simulated:", "expected simulated:<seed>"),
+        ("simulated:-1", "expected simulated:<seed>"),
+        ("intell", "'intell': not in the catalogue"),
+        ("attic.log", "attic.log: no such file"),
+    ],
+)
+def test_references_to_nothing_are_named(tmp_path, monkeypatch, reference, message):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=message):
+        read_scans(reference)
