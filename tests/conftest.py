@@ -4,10 +4,10 @@ import os
 from pathlib import Path
 
 import pytest
-from toy_rooms import box_room, square_room
 
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.site import Site
+from toy_rooms import box_room, square_room
 
 
 @pytest.fixture(scope="session")

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
-from toy_rooms import carmen_line, write_log
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import fit_cloud, points_cloud, voxel_cloud, voxel_index
 from hilbertvae.simulate.building import BuildingSettings
 from hilbertvae.site import Site, open_site, read_scans
+from toy_rooms import carmen_line, write_log
 
 
 def voxels_of(cloud, resolution_m):

@@ -89,3 +89,17 @@ def draw_weights(network) -> None:
         for parameter in network.parameters():
             if not parameter.any():
                 parameter.normal_(0, 0.1)
+
+
+def room_log(path, sweeps=12, seed=0):
+    """A CARMEN log of a drive around the pillar of the square room, one beam per degree, at `path`."""
+    rng = np.random.default_rng(seed)
+    half, thin, lines = SIDE_M / 2, PILLAR_M / 2, []
+    for sweep in range(sweeps):
+        around = 2 * np.pi * (sweep + rng.random()) / sweeps
+        place, heading = CENTRE + 2.4 * np.array([np.cos(around), np.sin(around)]), around + np.pi / 2
+        angle = heading + np.deg2rad(np.arange(180) - 90)
+        directions = np.column_stack([np.cos(angle), np.sin(angle)])
+        ranges = cast(np.tile(place, (180, 1)), directions, (CENTRE - half, CENTRE + half), (CENTRE - thin, CENTRE + thin))
+        lines.append(carmen_line(ranges + rng.normal(0, 0.01, 180), [*place, heading]))
+    return write_log(path, lines)

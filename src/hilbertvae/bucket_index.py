@@ -49,5 +49,8 @@ class BucketIndex:
         box = np.repeat(box, count)
         position = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(start, count)
         point = self.order[position]
-        inside = ((self.points[point] >= low[box]) & (self.points[point] <= high[box])).all(axis=1)
+        inside = np.ones(len(point), bool)
+        for axis, lowest, highest in zip(self.points.T, low.T, high.T, strict=True):  # numpy is slow where the last axis is short
+            place = axis[point]
+            inside &= (place >= lowest[box]) & (place <= highest[box])
         return box[inside], point[inside]

@@ -82,9 +82,7 @@ class Site:
 SIMULATED = "simulated:"
 
 
-def read_scans(
-    reference: str, folder: str | None = None, download: bool = False, building: BuildingSettings | None = None
-) -> Scans:
+def read_scans(reference: str, folder: str | None = None, download: bool = False, building: BuildingSettings | None = None) -> Scans:
     """The scans of a site of the catalogue, of the simulated building `simulated:<seed>`, or of a CARMEN log's path.
 
     Raises `InputError` for a reference that is none of these, and for files that can't be read.

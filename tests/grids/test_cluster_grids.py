@@ -2,12 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from toy_rooms import tiny_grid
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
+from toy_rooms import tiny_grid
 
 
 def test_cells_of_an_aligned_box_are_the_voxels_of_the_map(place):
@@ -16,7 +16,10 @@ def test_cells_of_an_aligned_box_are_the_voxels_of_the_map(place):
     frames = find_frames(place.whole, settings, seed=0)
     grids = bin_grids(place.whole, frames, settings)
     assert grids.shape == (len(frames), *(16,) * place.dimension) and grids.dtype == np.int8
-    label = {tuple(np.round(p, 6)): OCCUPIED if occupied else FREE for p, occupied in zip(place.voxels.points, place.voxels.occupied, strict=True)}
+    label = {
+        tuple(np.round(p, 6)): OCCUPIED if occupied else FREE
+        for p, occupied in zip(place.voxels.points, place.voxels.occupied, strict=True)
+    }
     low, _ = frames.boxes()
     for m in range(0, len(frames), 7):
         for cell in np.ndindex(*(16,) * place.dimension):
@@ -37,7 +40,14 @@ def test_only_free_points_make_no_clusters():
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("cells", 1), ("cluster_diameter_m", 0.0), ("inner_radius_m", -1.0), ("inner_radius_m", 3.3), ("occupied_share", 0.0), ("occupied_share", 1.1)],
+    [
+        ("cells", 1),
+        ("cluster_diameter_m", 0.0),
+        ("inner_radius_m", -1.0),
+        ("inner_radius_m", 3.3),
+        ("occupied_share", 0.0),
+        ("occupied_share", 1.1),
+    ],
 )
 def test_settings_that_make_no_grid_are_named(key, value):
     GridSettings().check()

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
-from toy_rooms import tiny_grid
 
 from hilbertvae.cloud import fit_cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids.cluster_grids import bin_grids, find_frames
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids, turned
+from toy_rooms import tiny_grid
 
 
 def test_turning_keeps_heights_and_distances(place):

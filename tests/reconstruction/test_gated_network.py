@@ -1,9 +1,9 @@
 import pytest
 import torch
-from toy_rooms import draw_weights
 
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
+from toy_rooms import draw_weights
 
 SMALL = {"stem": 2, "channels": [4, 6, 8], "blocks": [1, 2, 1], "latent": 5}
 
@@ -129,7 +129,10 @@ def test_every_weight_is_trained():
 
 @pytest.mark.parametrize(
     ("settings", "cells", "message"),
-    [({"blocks": [1, 1]}, 16, "network.blocks: expected 3"), ({}, 12, r"grid.cells: expected a multiple of 8 \(stem and 3 levels\), got 12")],
+    [
+        ({"blocks": [1, 1]}, 16, "network.blocks: expected 3"),
+        ({}, 12, r"grid.cells: expected a multiple of 8 \(stem and 3 levels\), got 12"),
+    ],
 )
 def test_settings_that_make_no_network(settings, cells, message):
     with pytest.raises(InputError, match=message):

@@ -1,10 +1,10 @@
 import pytest
 import torch
-from toy_rooms import draw_weights
 from torch import nn
 
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.paper_network import PaperNetwork, PaperNetworkSettings
+from toy_rooms import draw_weights
 
 SMALL = {"channels": [3, 4], "kernels": [5, 3], "latent": 6, "dropout": 0.2}
 

@@ -3,10 +3,10 @@ import math
 
 import numpy as np
 import pytest
-from toy_rooms import carmen_line, write_log
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.carmen import beam_step_deg, read_carmen
+from toy_rooms import carmen_line, write_log
 
 
 @pytest.mark.parametrize("name", ["drive.log", "drive.log.gz"])

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from toy_rooms import carmen_line, write_log
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import file_sha256
 from hilbertvae.scans import sites
 from hilbertvae.scans.sites import CATALOGUE, data_folder, find_site, read_site, site_path
+from toy_rooms import carmen_line, write_log
 
 
 @pytest.fixture

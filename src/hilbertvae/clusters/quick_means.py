@@ -27,9 +27,7 @@ class Clusters:
         return len(self.seeds)
 
 
-def quick_means(
-    points: np.ndarray, outer_radius_m: float, inner_radius_m: float, minimum_points: int = 1, seed: int = 0
-) -> Clusters:
+def quick_means(points: np.ndarray, outer_radius_m: float, inner_radius_m: float, minimum_points: int = 1, seed: int = 0) -> Clusters:
     """Clusters of `points (N, D)`: each is a seed point and everything within the outer radius, so clusters overlap.
 
     Alg. 1 draws live points at random; walking one random permutation and skipping points already consumed follows the same law

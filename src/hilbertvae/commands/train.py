@@ -45,7 +45,12 @@ def run(settings: Settings) -> int:
 
     mappers = build_mappers(settings.mapper)
     config = asdict(settings)
-    identity = {"training": training_hash(settings), "mapper": settings.mapper, "evaluation": config["evaluation"], "test": settings.data.test}
+    identity = {
+        "training": training_hash(settings),
+        "mapper": settings.mapper,
+        "evaluation": config["evaluation"],
+        "test": settings.data.test,
+    }
     seeds = {"training": settings.seed, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
     write = Report(settings.output, config, identity, seeds, settings.pictures)
     write.data = site_hashes([*settings.data.train, settings.data.validate, *settings.data.test])

@@ -7,6 +7,7 @@ In the frame the grid's box is [-1/2, 1/2]^D.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -29,16 +30,18 @@ class Frames:
 
     def into(self, points: np.ndarray, frame: np.ndarray) -> np.ndarray:
         """`points (P, D)` in metres, each in the frame of number `frame (P,)`: Eq. 9."""
-        moved = points - self.centre[frame]
         if not self.turned:
-            return moved / self.scale[frame, None]
+            # One axis at a time: numpy is slow where the last axis is short.
+            scale = self.scale[frame]
+            return np.stack([(axis - centre[frame]) / scale for axis, centre in zip(points.T, self.centre.T, strict=True)], axis=1)
+        moved = points - self.centre[frame]
         return np.einsum("pd,pde->pe", moved, self.rotation[frame]) / self.scale[frame, None]
 
     def back(self, points: np.ndarray, frame: np.ndarray) -> np.ndarray:
         """From the frames to the map: Eq. 13, put right."""
         return np.einsum("pe,pde->pd", points, self.rotation[frame]) * self.scale[frame, None] + self.centre[frame]
 
-    @property
+    @cached_property
     def turned(self) -> bool:
         """Whether any frame is rotated."""
         return bool(np.any(self.rotation != np.eye(self.rotation.shape[-1])))

@@ -93,6 +93,6 @@ def kernel(grids: np.ndarray, frames: Frames, queries: np.ndarray, holding: np.n
     query, rank = np.nonzero(holding != NONE)
     frame = holding[query, rank]
     cell, inside = cell_index(frames, queries[query], frame, cells)
-    flat = grids.reshape(len(grids), -1)
+    flat = grids.reshape(len(grids), cells ** queries.shape[1])
     values[query[inside], rank[inside]] = flat[frame[inside], cell[inside]]
     return values

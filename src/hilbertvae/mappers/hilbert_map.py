@@ -70,6 +70,10 @@ class HilbertMap(Mapper):
             raise InputError(f"points: expected 2 or 3 coordinates, got {dimension}")
         if network is not None and network.dimension != dimension:
             raise InputError(f"points: the network is for {network.dimension}D, got {dimension}D points")
+        if isinstance(self.neighbours, bool) or not isinstance(self.neighbours, (int, np.integer)) or self.neighbours < 1:
+            raise InputError(f"neighbours: expected a whole number of at least 1, got {self.neighbours!r}")
+        if self.flips not in (1, 2, 4, 8):
+            raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips!r}")
         self.grid_ = self.grid or (network.grid if network else GridSettings())
         resolution_m = self.resolution_m or (network.resolution_m if network else RESOLUTION_M[dimension])
         cloud = Cloud(points, occupied, weight)
@@ -77,7 +81,7 @@ class HilbertMap(Mapper):
         self.rank_weights_ = self._rank_weights()
         self.frames_ = find_frames(cloud, self.grid_, self.seed)
         self.index_ = FrameIndex(self.frames_)
-        self.factors_ = self._cluster_factors(cloud, resolution_m) if self.weights == "cluster" else None
+        self.factors_ = self._cluster_factors(cloud, resolution_m) if self.weights == "cluster" and len(self.frames_) else None
         self.grids_ = self._reconstruct(bin_grids(cloud, self.frames_, self.grid_))
 
     def _rank_weights(self) -> RankWeights:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import torch
@@ -48,7 +49,7 @@ class PaperNetwork(nn.Module):
             convolution(wide[i], wide[i + 1], kernel, padding=kernel // 2) for i, kernel in enumerate(settings.kernels)
         )
         self.bottom = (settings.channels[-1], *(cells // 2**depth,) * dimension)
-        features = int(torch.tensor(self.bottom).prod())
+        features = math.prod(self.bottom)
         self.mean = nn.Linear(features, settings.latent)
         self.spread = nn.Linear(features, settings.latent) if settings.variational else None
         self.expand = nn.Linear(settings.latent, features)

@@ -82,22 +82,26 @@ class Reconstructor:
         except (SafetensorError, OSError, ValueError) as error:
             raise InputError(f"{path}: not a checkpoint of hilbertvae, or damaged ({error}); expected a .safetensors file") from error
         if metadata.get("format") != FORMAT:
-            raise InputError(f"{path}: a safetensors file, but not a checkpoint of hilbertvae (format {metadata.get('format')!r}, expected {FORMAT!r})")
+            raise InputError(
+                f"{path}: a safetensors file, but not a checkpoint of hilbertvae (format {metadata.get('format')!r}, expected {FORMAT!r})"
+            )
         try:
             described = json.loads(metadata["settings"])
             settings = network_settings(described["network"])
             grid = GridSettings(**{**described["grid"], "frame": FrameSettings(**described["grid"]["frame"])})
+            likelihood = LikelihoodSettings(**described["likelihood"])
+            LIKELIHOODS[likelihood.kind]
             network = build_network(settings, described["dimension"], grid.cells)
             network.load_state_dict(tensors)
-        except (KeyError, TypeError, RuntimeError, json.JSONDecodeError) as error:
+            return cls(
+                network=network.to(memory_format=torch.channels_last) if described["dimension"] == 2 else network,
+                network_settings=settings,
+                likelihood=likelihood,
+                grid=grid,
+                dimension=described["dimension"],
+                resolution_m=described["resolution_m"],
+                weights=described["weights"],
+                card=described["card"],
+            )
+        except (KeyError, TypeError, AttributeError, RuntimeError, json.JSONDecodeError) as error:
             raise InputError(f"{path}: the checkpoint's settings and weights don't fit together ({error})") from error
-        return cls(
-            network=network.to(memory_format=torch.channels_last) if described["dimension"] == 2 else network,
-            network_settings=settings,
-            likelihood=LikelihoodSettings(**described["likelihood"]),
-            grid=grid,
-            dimension=described["dimension"],
-            resolution_m=described["resolution_m"],
-            weights=described["weights"],
-            card=described["card"],
-        )

@@ -161,9 +161,10 @@ def _score_occlusion(mapper: Mapper, site: Site, seed: int, rows: dict, seconds:
 
 
 def _keys(points: np.ndarray, site: Site) -> np.ndarray:
-    every = site.voxels.points
-    low = voxel_index(every.min(axis=0)[None], site.resolution_m)[0]
-    shape = voxel_index(every.max(axis=0)[None], site.resolution_m)[0] - low + 1
+    """(N,) one number per voxel of the site; beams, and so all clouds, lie between the corners of what was measured and from where."""
+    ends = np.concatenate([site.scans.points, site.scans.origins])
+    low = voxel_index(ends.min(axis=0), site.resolution_m)
+    shape = voxel_index(ends.max(axis=0), site.resolution_m) - low + 1
     return np.ravel_multi_index(tuple((voxel_index(points, site.resolution_m) - low).T), tuple(shape))
 
 

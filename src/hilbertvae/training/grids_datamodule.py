@@ -15,7 +15,7 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 
 from hilbertvae import __version__
 from hilbertvae.checks import InputError
-from hilbertvae.files import atomic, hash_of
+from hilbertvae.files import atomic, file_sha256, hash_of
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.site import SIMULATED, read_scans
@@ -110,7 +110,7 @@ def grids_hash(name: str, seed: int, settings: Settings) -> str:
     """What names a cache file: all that its grids depend on."""
     made_of = {
         "version": __version__,
-        "site": asdict(CATALOGUE[name]) if name in CATALOGUE else name,
+        "site": asdict(CATALOGUE[name]) if name in CATALOGUE else file_sha256(name) if Path(name).is_file() else name,
         "building": asdict(settings.data.reading()["building"]) if name.startswith(SIMULATED) else None,
         "seed": seed,
         "resolution_m": settings.resolution_m,

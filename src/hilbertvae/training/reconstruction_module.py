@@ -43,7 +43,9 @@ class ReconstructionModule(L.LightningModule):
             self.log("train/kl_nats", kl.sum(dim=1).mean())
             self.log("train/active_latents", active_dimensions(kl).float())
         if not torch.isfinite(loss):
-            raise FloatingPointError(f"training loss is {loss.item()} at step {self.global_step}: lower trainer.learning_rate, or use precision 32-true")
+            raise FloatingPointError(
+                f"training loss is {loss.item()} at step {self.global_step}: lower trainer.learning_rate, or use precision 32-true"
+            )
         self.log("train/nll_per_grid", fit, prog_bar=True)
         self.log("train/loss", loss)
         return loss

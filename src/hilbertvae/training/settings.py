@@ -102,9 +102,10 @@ class Settings:
         self.evaluation.check()
         if not self.data.train and not self.data.simulated:
             raise InputError("data.train: expected at least one site, or data.simulated buildings, got neither")
-        if self.data.validate in self.data.train:
+        trained = {*self.data.train, *(f"simulated:{number}" for number in range(self.data.simulated))}
+        if self.data.validate in trained:
             raise InputError(f"data.validate: {self.data.validate!r} is also trained on")
-        both = sorted(set(self.data.test) & {*self.data.train, self.data.validate})
+        both = sorted(set(self.data.test) & {*trained, self.data.validate})
         if both:
             raise InputError(f"data.test: {', '.join(both)} is also trained or validated on")
         for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids"):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -47,6 +47,7 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     if settings.trainer.threads:
         torch.set_num_threads(settings.trainer.threads)
     L.seed_everything(settings.seed, verbose=False)
+    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)  # its tips and device lists, twice under Hydra
     resume = _last_epoch(output, settings)
     checkpoints = ModelCheckpoint(output / "checkpoints", "best", save_last=True, enable_version_counter=False, **BEST)
     after_fit = HilbertMapCallback(settings, mappers or {}, write)
@@ -65,7 +66,7 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
             gradient_clip_val=settings.trainer.gradient_clip,
             logger=TensorBoardLogger(output, name="", version="tensorboard", default_hp_metric=False),
             callbacks=callbacks,
-            log_every_n_steps=10,
+            log_every_n_steps=min(10, settings.trainer.steps_per_epoch),
             num_sanity_val_steps=0,
             use_distributed_sampler=False,
             enable_model_summary=False,

@@ -1,0 +1,68 @@
+"""Every benchmark runs at its tiny size and leaves a whole JSON file."""
+
+import json
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+NEEDED = {
+    "quick_means": ["faiss"],
+    "queries": ["octomap", "embreex"],
+    "map_intel": ["octomap", "embreex"],
+    "training_throughput": [],
+    "large_cloud": ["embreex"],
+}
+
+
+@pytest.fixture(autouse=True)
+def beside_each_other(monkeypatch):
+    """As if run by `python benchmarks/<name>.py`: the scripts find what they share."""
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    monkeypatch.setattr(sys, "argv", ["benchmark", "--quick"])
+
+
+@pytest.mark.parametrize("name", NEEDED)
+def test_the_json_says_what_was_measured_and_on_what(name, tmp_path, capsys):
+    for package in NEEDED[name]:
+        pytest.importorskip(package)
+    import_module(name).main(["--quick", f"--output={tmp_path}"])
+
+    assert [file.name for file in tmp_path.iterdir()] == [f"{name}.json"]
+    written = json.loads((tmp_path / f"{name}.json").read_text())
+    assert written["benchmark"] == name and written["quick"] is True
+    assert written["rows"] and all(any(isinstance(value, float) and value > 0 for value in row.values()) for row in written["rows"])
+    assert all({"what", "wanted", "found", "met"} == set(row) for row in written["targets"])
+    assert written["machine"]["cpu"] and written["versions"]["numpy"] and "commit" in written["git"]
+    assert written["command"] == ["python", f"benchmarks/{name}.py", "--quick"]
+    printed = capsys.readouterr().out
+    assert all(next(iter(row.values())) in printed for row in written["rows"])
+
+
+def test_queries_are_equal_to_their_twins(tmp_path):
+    for package in NEEDED["queries"]:
+        pytest.importorskip(package)
+    import_module("queries").main(["--quick", f"--output={tmp_path}"])
+    targets = json.loads((tmp_path / "queries.json").read_text())["targets"]
+    assert [row["met"] for row in targets if row["wanted"] == "0"] == [True, True]
+
+
+def test_a_path_in_the_command_is_written_without_its_folder(monkeypatch):
+    measuring = import_module("measuring")
+    assert measuring._without_folders(["/somewhere/best.safetensors", "--site", "intel"]) == ["best.safetensors", "--site", "intel"]
+
+
+def test_stages_are_timed_and_put_back():
+    measuring = import_module("measuring")
+
+    class Work:
+        @staticmethod
+        def add(a, b):
+            return a + b
+
+    before = Work.add
+    with measuring.stage_seconds({"adding": (Work, "add")}) as seconds:
+        assert Work.add(1, b=2) == 3
+    assert seconds["adding"] > 0 and Work.add is before

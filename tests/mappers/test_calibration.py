@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+
+from hilbertvae.gaps import OUTSIDE, random_gaps
+from hilbertvae.mappers import calibration
+from hilbertvae.mappers.calibration import learn_rank_weights
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.weights import RankWeights, unit_weights
+from toy_rooms import tiny_reconstructor
+
+
+class Recorder(HilbertMap):
+    """A Hilbert Map that keeps what it was fitted on and asked."""
+
+    def fit(self, points, y, sample_weight=None):
+        self.given = [*getattr(self, "given", []), (points, y, sample_weight)]
+        return super().fit(points, y, sample_weight)
+
+    def features(self, queries):
+        self.asked = [*getattr(self, "asked", []), queries]
+        return super().features(queries)
+
+
+@pytest.fixture(scope="module")
+def learning(place):
+    mapper = Recorder(tiny_reconstructor(place.dimension))
+    return mapper, learn_rank_weights(mapper, place, 1.2, [100, 101]), place
+
+
+def test_both_readings_are_learned(learning):
+    mapper, learned, _ = learning
+    assert set(learned) == {"points", "voxels"}
+    for plain in learned.values():
+        weights = RankWeights.from_plain(plain)
+        assert weights.unseen.shape == (mapper.neighbours + 1,)
+        assert weights.seen.shape == (mapper.evidence_.feature_count + 2,)
+        assert (weights.unseen[:-1] >= 0).all() and weights.seen[0] >= 0 and weights.seen[-2] >= 0
+    assert learned["points"] != learned["voxels"]
+
+
+def test_only_what_was_hidden_teaches(learning):
+    """The network is shown gapped clouds without held-out beams, and asked for gaps and held-out beams alone."""
+    mapper, _, place = learning
+    assert len(mapper.given) == 2 and len(mapper.asked) == 4
+    for k, seed in enumerate((100, 101)):
+        gaps = random_gaps(place.fit, 1.2, place.resolution_m, seed)
+        shown = gaps.cut(place.fit)
+        np.testing.assert_array_equal(mapper.given[k][0], shown.points)
+        np.testing.assert_array_equal(mapper.given[k][2], shown.weight)
+        for queries, cloud, held_out in (
+            (mapper.asked[2 * k], place.points, place.points_held_out),
+            (mapper.asked[2 * k + 1], place.voxels, place.voxels_held_out),
+        ):
+            part = gaps.part(cloud.points)
+            wanted = {
+                tuple(p) for p, where, out in zip(cloud.points, part, held_out, strict=True) if where == 1 or (out and where == OUTSIDE)
+            }
+            assert {tuple(query) for query in queries} == wanted
+
+
+@pytest.mark.parametrize("reading", ["points", "voxels"])
+def test_what_was_learned_is_better_than_unit_weights(learning, reading):
+    """On what it was learned from, in nats."""
+    mapper, learned, place = learning
+    cloud, held_out = (place.points, place.points_held_out) if reading == "points" else (place.voxels, place.voxels_held_out)
+    gaps = random_gaps(place.fit, 1.2, place.resolution_m, 101)  # the mapper was fitted with these last
+    part = gaps.part(cloud.points)
+    asked = (part != -1) & (held_out | (part != OUTSIDE))
+    phi, sign = HilbertMap.features(mapper, cloud.points[asked]), np.where(cloud.occupied[asked], 1, -1)
+
+    def nll(weights):
+        return np.logaddexp(0, -sign * weights.logit(*phi)).mean()
+
+    assert nll(RankWeights.from_plain(learned[reading])) < nll(unit_weights(mapper.neighbours, mapper.evidence_.feature_count)) - 0.01
+
+
+def test_large_sites_are_thinned(room, monkeypatch):
+    monkeypatch.setattr(calibration, "MOST_QUERIES", 400)
+    mapper = Recorder(tiny_reconstructor())
+    assert set(learn_rank_weights(mapper, room, 1.2, [100, 101])) == {"points", "voxels"}
+    assert [len(queries) for queries in mapper.asked] == [200] * 4

@@ -1,0 +1,120 @@
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hilbertvae.mappers.evidence import NONE, Evidence
+
+
+def random_cloud(seed, count, dimension, offset_m=0.0):
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-0.5, 0.5, (count, dimension)) + offset_m
+    return points, rng.random(count) < 0.3, rng.integers(1, 20, count).astype(float)
+
+
+def voxel_of(point, resolution_m):
+    return tuple(int(np.floor(x / resolution_m)) for x in point)
+
+
+class Twin:
+    """Evidence by dictionaries of points."""
+
+    def __init__(self, points, occupied, weight, resolution_m):
+        self.resolution_m, self.voxels = resolution_m, {}
+        for point, label, count in zip(points, occupied, weight, strict=True):
+            self.voxels.setdefault(voxel_of(point, resolution_m), ([], []))[int(label)].append((point, count))
+
+    def votes(self, voxel, label):
+        return sum(count for _, count in self.voxels.get(voxel, ([], []))[label])
+
+    def mean(self, voxel, label):
+        found = self.voxels.get(voxel, ([], []))[label]
+        return np.average([point for point, _ in found], axis=0, weights=[count for _, count in found]) if found else None
+
+    def features(self, query):
+        own = voxel_of(query, self.resolution_m)
+        block = [tuple(np.add(own, step)) for step in itertools.product((-1, 0, 1), repeat=len(own))]
+        around = [voxel for voxel in block if voxel != own]
+        distances = []
+        for label in (0, 1):
+            means = [self.mean(voxel, label) for voxel in block]
+            distances.append(sorted([np.linalg.norm(query - m) / self.resolution_m for m in means if m is not None] + [2.0] * 3))
+        hit, free = [min(d, 2.0) for d in distances[1][:3]], min(distances[0][0], 2.0)
+        hits, frees = self.votes(own, 1), self.votes(own, 0)
+        hits_around, frees_around = (sum(self.votes(voxel, label) for voxel in around) for label in (1, 0))
+        return [
+            math.log((hits + 0.5) / (frees + 0.5)),
+            math.log((hits_around + 0.5) / (frees_around + 0.5)),
+            math.log1p(hits + frees),
+            math.log1p(hits_around + frees_around),
+            *hit,
+            *(min(d, 1.0) for d in hit),
+            free,
+            hit[0] ** 2,
+            free**2,
+        ]
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(1, 60),
+    dimension=st.integers(2, 3),
+    resolution_m=st.sampled_from([0.1, 0.2, 0.45]),
+    offset_m=st.sampled_from([0.0, -1234.5]),
+)
+def test_evidence_equals_brute_force(seed, count, dimension, resolution_m, offset_m):
+    cloud = random_cloud(seed, count, dimension, offset_m)
+    evidence, twin = Evidence(*cloud, resolution_m), Twin(*cloud, resolution_m)
+    queries = np.random.default_rng(seed + 1).uniform(-0.9, 0.9, (40, dimension)) + offset_m
+    found = evidence.find(queries)
+    assert [number != NONE for number in found] == [voxel_of(query, resolution_m) in twin.voxels for query in queries]
+    seen = found != NONE
+    features = evidence.features(queries[seen], found[seen])
+    assert features.shape == (seen.sum(), evidence.feature_count)
+    for row, query in zip(features, queries[seen], strict=True):
+        np.testing.assert_allclose(row, twin.features(query), rtol=0, atol=2e-4)
+
+
+def test_every_fitted_point_is_found_and_votes_are_kept(place):
+    cloud = place.fit
+    evidence = Evidence(cloud.points, cloud.occupied, cloud.weight, place.resolution_m)
+    found = evidence.find(cloud.points)
+    assert (found != NONE).all()
+    assert evidence.hits.sum() == cloud.weight[cloud.occupied].sum()
+    assert evidence.frees.sum() == cloud.weight[~cloud.occupied].sum()
+
+
+def test_rows_do_not_wrap_into_one_another():
+    """Voxels at the two ends of a row are no neighbours, and queries just outside of the extent are in no voxel."""
+    points = np.array([[0.05, 0.05], [0.15, 0.95], [0.95, 0.05]])
+    evidence = Evidence(points, np.array([True, True, False]), np.ones(3), 0.1)
+    features = evidence.features(points, evidence.find(points))
+    np.testing.assert_allclose(features[:, 3], 0)  # nothing around any of them
+    outside = np.array([[0.05, 1.05], [0.05, -0.05], [-0.05, 0.05], [1.05, 0.05], [0.25, -0.05], [0.05, 1.15], [0.05, -0.15]])
+    assert (evidence.find(outside) == NONE).all()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_queries_very_far_away_and_none(dimension):
+    evidence = Evidence(*random_cloud(0, 30, dimension), 0.1)
+    far = np.full((3, dimension), [[1e15], [-1e15], [1e9]])
+    assert (evidence.find(far) == NONE).all()
+    empty = np.empty((0, dimension))
+    assert evidence.features(empty, evidence.find(empty)).shape == (0, evidence.feature_count)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_each_query_is_answered_alone(dimension):
+    cloud = random_cloud(0, 200, dimension)
+    evidence = Evidence(*cloud, 0.2)
+    queries = cloud[0]
+    found = evidence.find(queries)
+    whole = evidence.features(queries, found)
+    order = np.random.default_rng(1).permutation(len(queries))
+    np.testing.assert_array_equal(evidence.features(queries[order], found[order]), whole[order])
+    one_by_one = [evidence.features(queries[k : k + 1], found[k : k + 1])[0] for k in range(30)]
+    np.testing.assert_array_equal(one_by_one, whole[:30])

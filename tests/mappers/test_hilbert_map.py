@@ -1,0 +1,283 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+
+from hilbertvae.checks import InputError
+from hilbertvae.cloud import Cloud, voxel_index
+from hilbertvae.gaps import random_gaps
+from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
+from hilbertvae.mappers.evidence import Evidence
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.weights import RankWeights
+from toy_rooms import tiny_grid, tiny_reconstructor
+
+FEATURES = 13
+"""What evidence says of a query in an observed voxel."""
+
+
+def learned(neighbours=5, seed=0):
+    rng = np.random.default_rng(seed)
+    return RankWeights(rng.uniform(0.1, 1, neighbours + 1), rng.uniform(-0.3, 0.3, FEATURES + 2)).plain()
+
+
+def reconstructor(dimension=2):
+    made = tiny_reconstructor(dimension)
+    made.weights = {"voxels": learned(), "points": learned(seed=1)}
+    return made
+
+
+def gapped(place, seed=0):
+    return random_gaps(place.fit, 1.2, place.resolution_m, seed).cut(place.fit)
+
+
+def fit(mapper, cloud):
+    return mapper.fit(cloud.points, cloud.occupied, cloud.weight)
+
+
+@pytest.fixture(scope="module", params=["reconstructed", "raw", "cluster"])
+def fitted(request, place):
+    network = None if request.param == "raw" else reconstructor(place.dimension)
+    weights = "cluster" if request.param == "cluster" else "rank"
+    grid = tiny_grid(place.dimension) if network is None else None
+    return fit(HilbertMap(network, weights=weights, grid=grid), gapped(place)), place
+
+
+def answers_by_loop(mapper, cloud, queries, grids):
+    """Eq. 7, 8 and 14 for each query by itself, from grids, frames and evidence."""
+    frames, evidence = mapper.frames_, Evidence(cloud.points, cloud.occupied, cloud.weight, mapper.evidence_.resolution_m)
+    weights, cells = mapper.rank_weights_, grids.shape[1]
+    found = []
+    for query in queries:
+        held = []
+        for m in range(len(frames)):
+            inside = (query - frames.centre[m]) / frames.scale[m] + 0.5
+            if ((inside >= 0) & (inside < 1)).all():
+                factor = 1.0 if mapper.factors_ is None else mapper.factors_[m]
+                held.append((np.linalg.norm(query - frames.centre[m]), factor * grids[m][tuple((inside * cells).astype(int))]))
+        values = [value for _, value in sorted(held)[: mapper.neighbours]]
+        voxel = evidence.find(query[None])
+        if mapper.evidence and voxel[0] >= 0:
+            features = [*evidence.features(query[None], voxel)[0], np.mean(values) if values else 0.0, 1.0]
+            logit = np.dot(weights.seen, features)
+        elif values:
+            logit = np.dot(weights.unseen[: len(values)], values) + weights.unseen[-1]
+        else:
+            logit = 0.0
+        found.append(1 / (1 + np.exp(-logit)))
+    return found
+
+
+def test_answers_equal_brute_force(fitted):
+    mapper, place = fitted
+    cloud = gapped(place)
+    low, high = place.fit.points.min(axis=0) - 1, place.fit.points.max(axis=0) + 1
+    queries = np.random.default_rng(0).uniform(low, high, (150, place.dimension))
+    grids = bin_grids(cloud, find_frames(cloud, mapper.grid_, 0), mapper.grid_)
+    if mapper.reconstructor is not None:
+        grids = mapper.reconstructor.reconstruct(grids)
+    expected = answers_by_loop(mapper, cloud, queries, grids)
+    np.testing.assert_allclose(mapper.predict_proba(queries)[:, 1], expected, rtol=0, atol=1e-4)
+    assert np.std(expected) > 0.01
+
+
+def test_without_evidence_only_grids_answer(room):
+    cloud = gapped(room)
+    mapper = fit(HilbertMap(reconstructor(), evidence=False), cloud)
+    queries = cloud.points[::50]
+    np.testing.assert_allclose(
+        mapper.predict_proba(queries)[:, 1], answers_by_loop(mapper, cloud, queries, mapper.grids_), rtol=0, atol=1e-4
+    )
+    assert mapper.observed(queries).all()
+
+
+def test_where_nothing_is_known_the_answer_is_exactly_one_half(fitted):
+    mapper, place = fitted
+    low, high = mapper.frames_.boxes()
+    low, high = low.min(axis=0), high.max(axis=0)
+    outside = np.concatenate([low - [[0.3], [5.0], [1e6]], high + [[0.3], [5.0], [1e6]]])
+    assert not mapper.observed(outside).any()
+    np.testing.assert_array_equal(mapper.predict_proba(outside), 0.5)
+
+
+def test_where_no_box_holds_a_query_evidence_answers_alone(room):
+    """A wall, and free points far away from any return: seen, but in no box."""
+    rng = np.random.default_rng(0)
+    wall, far = np.column_stack([rng.uniform(0, 3, 60), rng.normal(0, 0.02, 60)]), rng.uniform(50, 51, (40, 2))
+    cloud = Cloud(np.concatenate([wall, far]), np.arange(100) < 60, np.full(100, 4.0))
+    for weights in ("unit", "rank"):
+        mapper = fit(HilbertMap(reconstructor(), weights=weights), cloud)
+        holding = mapper.index_.holding(far, 5)
+        assert (holding == -1).all()
+        expected = answers_by_loop(mapper, cloud, far, mapper.grids_)
+        np.testing.assert_allclose(mapper.predict_proba(far)[:, 1], expected, rtol=0, atol=1e-4)
+    unit = fit(HilbertMap(weights="unit", grid=tiny_grid()), cloud)
+    assert (unit.predict_proba(far)[:, 1] < 0.4).all() and (unit.predict_proba(wall)[:, 1] > 0.6).all()
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 60), pieces=st.integers(1, 5))
+def test_each_query_is_answered_alone(fitted, seed, count, pieces):
+    mapper, place = fitted
+    rng = np.random.default_rng(seed)
+    chosen = rng.integers(0, len(place.voxels), count)
+    queries = place.voxels.points[chosen] + rng.choice([0.0, 0.03, 2.0]) * rng.normal(size=(count, place.dimension))
+    whole, order = mapper.predict_proba(queries), rng.permutation(count)
+    np.testing.assert_array_equal(mapper.predict_proba(queries[order]), whole[order])
+    cuts = np.sort(rng.integers(0, count + 1, pieces))
+    parts = [mapper.predict_proba(part) for part in np.split(queries, cuts)]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
+def test_answers_do_not_depend_on_the_chunk(fitted, monkeypatch):
+    mapper, place = fitted
+    queries = np.concatenate([place.voxels.points[::5], np.full((1, place.dimension), 1e9)])
+    whole = mapper.predict_proba(queries)
+    monkeypatch.setattr(type(mapper), "chunk", 97)
+    np.testing.assert_array_equal(mapper.predict_proba(queries), whole)
+
+
+def test_probabilities_are_probabilities(fitted):
+    mapper, place = fitted
+    found = mapper.predict_proba(place.voxels.points)
+    assert found.shape == (len(place.voxels), 2) and found.dtype == np.float64
+    assert ((found >= 0) & (found <= 1)).all()
+    np.testing.assert_allclose(found.sum(axis=1), 1.0)
+    np.testing.assert_array_equal(mapper.predict(place.voxels.points), found[:, 1] > 0.5)
+
+
+def test_what_was_observed_is_looked_up(room):
+    cloud = gapped(room)
+    mapper = fit(HilbertMap(weights="unit", grid=tiny_grid()), cloud)
+    seen = {tuple(index) for index in voxel_index(cloud.points, 0.1).tolist()}
+    queries = np.random.default_rng(0).uniform(-4, 6, (500, 2))
+    np.testing.assert_array_equal(mapper.observed(queries), [tuple(index) in seen for index in voxel_index(queries, 0.1).tolist()])
+
+
+def test_the_same_cloud_gives_the_same_bits(place):
+    cloud, queries = gapped(place), place.voxels.points[::7]
+    first, again, other = (fit(HilbertMap(reconstructor(place.dimension), seed=seed), cloud).predict_proba(queries) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+
+
+def test_calibration_chooses_the_weights(room):
+    made = reconstructor()
+    for reading in ("voxels", "points"):
+        mapper = fit(HilbertMap(made, calibration=reading), gapped(room))
+        np.testing.assert_array_equal(mapper.rank_weights_.unseen, made.weights[reading]["unseen"])
+    made.weights = {}  # never learned: as in the author's real-time code
+    np.testing.assert_array_equal(fit(HilbertMap(made), gapped(room)).rank_weights_.unseen, [1, 1, 1, 1, 1, 0])
+
+
+def test_cluster_weights_are_fitted_without_what_is_to_be_scored(room, monkeypatch):
+    """The gaps hidden for that fit are cut from the given cloud, and the network never sees them while it answers for them."""
+    shown = []
+    made = reconstructor()
+    original = type(made).reconstruct
+    monkeypatch.setattr(
+        type(made), "reconstruct", lambda self, grids, *rest, **named: shown.append(grids) or original(self, grids, *rest, **named)
+    )
+    cloud = gapped(room)
+    mapper = fit(HilbertMap(made, weights="cluster"), cloud)
+    hidden, whole = shown
+    removed = (hidden == 0) & (whole != 0)
+    assert removed.any() and (hidden[~removed] == whole[~removed]).all()
+    assert mapper.factors_.shape == (len(mapper.frames_),) and (mapper.factors_ >= 0).all()
+    assert (mapper.factors_ != 1).any()
+
+
+def test_parameters_and_clone():
+    made, grid = reconstructor(), GridSettings(cells=8)
+    mapper = HilbertMap(made, weights="unit", calibration="points", neighbours=3, flips=2, evidence=False, ridge=2.0, grid=grid, seed=7)
+    parameters = mapper.get_params()
+    assert parameters["reconstructor"] is made and parameters["grid"] is grid
+    copy = clone(mapper)
+    for name in ("weights", "calibration", "neighbours", "flips", "evidence", "ridge", "seed", "resolution_m", "device"):
+        assert getattr(copy, name) == parameters[name]
+    assert not hasattr(copy, "grids_")
+    assert mapper.set_params(neighbours=4).neighbours == 4
+
+
+def test_answers_before_a_fit():
+    with pytest.raises(NotFittedError):
+        HilbertMap().predict_proba([[0.0, 0.0]])
+    with pytest.raises(NotFittedError):
+        clone(HilbertMap()).predict([[0.0, 0.0]])
+
+
+def test_labels_of_any_kind(room):
+    cloud = gapped(room)
+    plain = fit(HilbertMap(grid=tiny_grid()), cloud)
+    signed = HilbertMap(grid=tiny_grid()).fit(cloud.points, np.where(cloud.occupied, 1, -1), cloud.weight)
+    np.testing.assert_array_equal(signed.predict_proba(cloud.points), plain.predict_proba(cloud.points))
+    assert set(signed.predict(cloud.points)) == {-1, 1}
+
+
+@pytest.mark.parametrize("weights", ["unit", "cluster"])
+def test_a_cloud_without_clusters_answers_from_evidence(weights, room):
+    """Too few returns for any cluster: no grid, but what was observed is known, and 0.5 elsewhere."""
+    cloud = gapped(room)
+    few = np.flatnonzero(cloud.occupied)[:2]
+    cloud = cloud.select(np.concatenate([few, np.flatnonzero(~cloud.occupied)]))
+    mapper = fit(HilbertMap(reconstructor(), weights=weights), cloud)
+    assert len(mapper.frames_) == 0
+    assert (mapper.predict_proba(cloud.points[cloud.occupied])[:, 1] != 0.5).all()
+    np.testing.assert_array_equal(mapper.predict_proba([[90.0, 90.0]]), 0.5)
+
+
+def bad_clouds():
+    rng = np.random.default_rng(0)
+    points, occupied = rng.uniform(0, 3, (60, 2)), rng.random(60) < 0.5
+    broken = points.copy()
+    broken[7, 0] = np.nan
+    return [
+        ((points[:0], occupied[:0]), "0 sample"),
+        ((broken, occupied), "NaN"),
+        ((np.where(np.isnan(broken), np.inf, broken), occupied), "infinity"),
+        ((points.ravel(), occupied), "2D array"),
+        ((points, occupied[:-1]), "inconsistent"),
+        ((points, np.ones(60, bool)), "one class only"),
+        ((points, np.zeros(60, bool)), "one class only"),
+        ((points, np.arange(60) % 3), "binary"),
+        ((np.ones((60, 4)), occupied), "expected 2 or 3 coordinates, got 4"),
+        ((np.column_stack([points, points[:, 0]]), occupied), "the network is for 2D, got 3D"),
+        ((points, occupied, -np.ones(60)), "[Nn]egative"),
+        ((points, occupied, np.zeros(60)), "positive weights|non-zero"),
+    ]
+
+
+@pytest.mark.parametrize(("cloud", "message"), bad_clouds())
+def test_bad_clouds_are_named(cloud, message):
+    with pytest.raises(InputError, match=message):
+        HilbertMap(reconstructor()).fit(*cloud)
+
+
+@pytest.mark.parametrize(
+    ("queries", "message"),
+    [([[0.0, np.nan]], "queries: .*NaN"), ([[0.0, 1.0, 2.0]], "queries: .*features"), ([0.0, 1.0], "queries: .*2D array")],
+)
+def test_bad_queries_are_named(room, queries, message):
+    mapper = fit(HilbertMap(grid=tiny_grid()), gapped(room))
+    for ask in (mapper.predict_proba, mapper.observed):
+        with pytest.raises(InputError, match=message):
+            ask(queries)
+    assert mapper.predict_proba(np.empty((0, 2))).shape == (0, 2)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"weights": "best"}, "weights: expected unit, rank or cluster, got 'best'"),
+        ({"calibration": "pixels"}, "calibration: expected voxels or points, got 'pixels'"),
+        ({"neighbours": 3}, "neighbours: the weights were learned for 5, got 3"),
+        ({"neighbours": 0, "weights": "unit"}, "neighbours: expected a whole number of at least 1, got 0"),
+        ({"flips": 3}, "flips: expected 1, 2, 4 or 8, got 3"),
+        ({"flips": 0}, "flips: expected 1, 2, 4 or 8, got 0"),
+    ],
+)
+def test_bad_parameters_are_named(room, parameters, message):
+    with pytest.raises(InputError, match=message):
+        fit(HilbertMap(reconstructor(), **parameters), gapped(room))

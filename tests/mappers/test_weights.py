@@ -1,0 +1,159 @@
+import json
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.sparse import csr_matrix
+from sklearn.linear_model import LogisticRegression
+
+from hilbertvae.checks import InputError
+from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, fit_logistic, fit_rank_weights, seen_features, unit_weights
+
+
+def problem(seed=0, count=300, features=4):
+    rng = np.random.default_rng(seed)
+    x = rng.normal(size=(count, features))
+    return x, x @ rng.normal(size=features) + rng.normal(0, 2, count) > 0.3
+
+
+def nobody():
+    return np.empty(0, int)
+
+
+@pytest.mark.parametrize("ridge", [1e-3, 0.5, 20.0])
+def test_without_bounds_it_is_scikit_learns_logistic_regression(ridge):
+    x, y = problem()
+    expected = LogisticRegression(C=1 / (2 * ridge), fit_intercept=False, tol=1e-10, max_iter=10_000).fit(x, y)
+    np.testing.assert_allclose(fit_logistic(x, y, nobody(), ridge=ridge), expected.coef_[0], atol=2e-3)
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_the_optimum_by_another_road(sparse):
+    """Bounds, offset and a ridge towards a point, against a derivative-free search started elsewhere."""
+    x, y = problem(1, features=3)
+    rng = np.random.default_rng(2)
+    offset, towards, ridge = rng.normal(size=len(x)), np.array([1.0, -0.5, 2.0]), 4.0
+
+    def loss(w):
+        total = sum(np.log1p(np.exp(-(1 if label else -1) * (o + row @ w))) for row, label, o in zip(x, y, offset, strict=True))
+        return total + ridge * ((w - towards) ** 2).sum()
+
+    expected = minimize(loss, [2.0, 1.0, 1.0], method="Nelder-Mead", bounds=[(0, None), (None, None), (0, None)], tol=1e-10)
+    found = fit_logistic(csr_matrix(x) if sparse else x, y, np.array([0, 2]), ridge, towards, offset)
+    np.testing.assert_allclose(found, expected.x, atol=1e-3)
+
+
+def test_weights_of_features_that_speak_against_stay_at_zero():
+    x, y = problem()
+    x[:, 1] = np.where(y, -1.0, 1.0)
+    found = fit_logistic(x, y, np.array([1]))
+    assert found[1] == 0
+    assert fit_logistic(x, y, nobody())[1] < -1
+
+
+@pytest.mark.parametrize("towards", [0.0, 1.0])
+def test_a_strong_ridge_leads_to_its_aim(towards):
+    x, y = problem()
+    found = fit_logistic(x, y, nobody(), ridge=1e7, towards=np.full(4, towards))
+    np.testing.assert_allclose(found, towards, atol=1e-3)
+
+
+def random_features(seed=0, count=60, ranks=3, kinds=4):
+    rng = np.random.default_rng(seed)
+    held = rng.integers(0, ranks + 1, count)
+    values = np.where(np.arange(ranks) < held[:, None], rng.normal(size=(count, ranks)), 0.0).astype(np.float32)
+    seen = rng.random(count) < 0.5
+    return values, held, seen, rng.normal(size=(seen.sum(), kinds))
+
+
+def test_the_logit_query_by_query():
+    values, held, seen, evidence = random_features()
+    rng = np.random.default_rng(1)
+    weights = RankWeights(rng.normal(size=4), rng.normal(size=6))
+    found = weights.logit(values, held, seen, evidence)
+    row = 0
+    for q in range(len(values)):
+        if seen[q]:
+            mean = values[q].sum() / max(held[q], 1)
+            expected = sum(w * x for w, x in zip(weights.seen, [*evidence[row], mean, 1.0], strict=True))
+            row += 1
+        elif held[q]:
+            expected = sum(w * k for w, k in zip(weights.unseen[:3], values[q], strict=True)) + weights.unseen[3]
+        else:
+            expected = 0.0  # nothing is known: p = 0.5
+            assert found[q] == 0.0
+        assert found[q] == pytest.approx(expected, abs=1e-5)
+
+
+def test_a_logit_is_a_querys_own():
+    values, held, seen, evidence = random_features(count=200)
+    weights = RankWeights(*(np.random.default_rng(1).normal(size=n) for n in (4, 6)))
+    whole = weights.logit(values, held, seen, evidence)
+    row = np.cumsum(seen) - 1
+    for q in range(len(values)):
+        alone = slice(q, q + 1)
+        one = weights.logit(values[alone], held[alone], seen[alone], evidence[row[q] : row[q] + seen[q]])
+        np.testing.assert_array_equal(one, whole[alone])
+
+
+def test_unit_weights_sum_kernel_values_and_add_the_log_odds():
+    values, held, seen, evidence = random_features()
+    found = unit_weights(3, 4).logit(values, held, seen, evidence)
+    unseen = ~seen
+    np.testing.assert_allclose(found[unseen], values[unseen].sum(axis=1), atol=1e-6)
+    mean = values[seen].sum(axis=1) / np.maximum(held[seen], 1)
+    np.testing.assert_allclose(found[seen], evidence[:, 0] + mean, atol=1e-6)
+
+
+def test_plain_and_back_through_json():
+    weights = RankWeights(np.array([1 / 3, 0.1, -0.2]), np.array([2e-17, 1e5]))
+    found = RankWeights.from_plain(json.loads(json.dumps(weights.plain())))
+    np.testing.assert_array_equal(found.unseen, weights.unseen)
+    np.testing.assert_array_equal(found.seen, weights.seen)
+
+
+def test_rank_weights_are_found_again():
+    """Labels drawn from known weights: the fit comes close to them, kernel weights stay non-negative, and nothing else is used."""
+    rng = np.random.default_rng(0)
+    count, ranks = 20_000, 3
+    values, held = rng.normal(size=(count, ranks)), np.full(count, ranks)
+    seen = rng.random(count) < 0.5
+    evidence = rng.normal(size=(seen.sum(), 2))
+    true = RankWeights(np.array([1.2, 0.6, 0.0, -0.4]), np.array([1.5, -0.7, 0.5, 0.3]))
+    occupied = rng.random(count) < 1 / (1 + np.exp(-true.logit(values, held, seen, evidence)))
+    found = fit_rank_weights(values, held, seen, evidence, occupied)
+    np.testing.assert_allclose(found.unseen, true.unseen, atol=0.1)
+    np.testing.assert_allclose(found.seen, true.seen, atol=0.1)
+    assert (found.unseen[:ranks] >= 0).all() and found.seen[0] >= 0 and found.seen[-2] >= 0
+
+
+@pytest.mark.parametrize("all_seen", [True, False])
+def test_rank_weights_need_gaps_and_observed_voxels(all_seen):
+    seen = np.full(5, all_seen)
+    with pytest.raises(InputError, match="expected queries both in gaps and in observed voxels"):
+        fit_rank_weights(np.ones((5, 2)), np.full(5, 2), seen, np.ones((5 * all_seen, 3)), np.arange(5) < 2)
+
+
+def test_cluster_weights_by_an_explicit_sum():
+    """Each query's logit is put together cluster by cluster, and the same optimum is searched."""
+    rng = np.random.default_rng(0)
+    clusters, ranks, count, ridge = 3, 2, 80, 5.0
+    holding = np.array([rng.permutation(clusters)[:ranks] for _ in range(count)])
+    holding[rng.random(count) < 0.2, 1] = -1
+    values, offset, rank_weights = rng.normal(size=(count, ranks)), rng.normal(size=count), np.array([0.8, 0.4])
+    occupied = rng.random(count) < 0.5
+
+    def loss(factor):
+        total = ridge * ((factor - 1) ** 2).sum()
+        for q in range(count):
+            logit = offset[q] + sum(rank_weights[r] * factor[m] * values[q, r] for r, m in enumerate(holding[q]) if m >= 0)
+            total += np.log1p(np.exp(-logit if occupied[q] else logit))
+        return total
+
+    expected = minimize(loss, np.ones(clusters), method="L-BFGS-B", bounds=[(0, None)] * clusters)
+    found = fit_cluster_weights(values, holding, offset, rank_weights, occupied, clusters, ridge)
+    np.testing.assert_allclose(found, expected.x, atol=1e-3)
+
+
+def test_seen_features_of_a_query_in_no_box():
+    np.testing.assert_array_equal(seen_features(np.zeros((1, 3)), np.array([0]), np.array([[2.0, 5.0]])), [[2.0, 5.0, 0.0, 1.0]])

@@ -1,0 +1,168 @@
+import json
+import os
+import pickle
+
+import numpy as np
+import pytest
+import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
+
+from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.likelihood import LikelihoodSettings
+from hilbertvae.reconstruction.paper_network import PaperNetwork, PaperNetworkSettings
+from hilbertvae.reconstruction.reconstructor import FORMAT, Reconstructor
+from toy_rooms import draw_weights, tiny_grid, tiny_reconstructor
+
+
+def codes(dimension=2, batch=5, cells=16):
+    return np.random.default_rng(0).integers(-1, 2, (batch, *(cells,) * dimension)).astype(np.int8)
+
+
+def paper_reconstructor(tied):
+    torch.manual_seed(0)
+    settings = PaperNetworkSettings(channels=[3, 4], kernels=[5, 3], latent=6, tied=tied)
+    network = PaperNetwork(settings, 2, 16)
+    draw_weights(network)
+    return Reconstructor(network, settings, LikelihoodSettings(kind="gaussian"), tiny_grid(), 2, 0.1)
+
+
+@pytest.mark.parametrize("kind", ["gated", "gated-3d", "paper", "paper-tied"])
+def test_what_was_saved_comes_back_to_the_bit(tmp_path, kind):
+    made = tiny_reconstructor(3 if kind == "gated-3d" else 2) if kind.startswith("gated") else paper_reconstructor(kind == "paper-tied")
+    made.weights = {"voxels": {"unseen": [0.1, 0.2], "seen": [1 / 3]}}
+    made.card = {"trained_on": ["aces"], "epoch": 3}
+    path = made.save(tmp_path / "deep" / "model.safetensors")
+    found = Reconstructor.load(path)
+    for name in ("network_settings", "likelihood", "grid", "dimension", "resolution_m", "weights", "card"):
+        assert getattr(found, name) == getattr(made, name)
+    for (name, ours), (other, theirs) in zip(made.network.state_dict().items(), found.network.state_dict().items(), strict=True):
+        assert name == other and torch.equal(ours, theirs)
+    grids = codes(made.dimension)
+    made.network = made.network.to(memory_format=torch.channels_last) if made.dimension == 2 else made.network
+    np.testing.assert_array_equal(found.reconstruct(grids), made.reconstruct(grids))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("flips", [1, 4, 8])
+def test_the_mean_over_symmetries_by_hand(dimension, flips):
+    """Each flipped copy is reconstructed and flipped back; kernel values are averaged."""
+    made, grids = tiny_reconstructor(dimension), codes(dimension)
+    turns = [(False, ()), (False, (0,)), (False, (1,)), (False, (0, 1)), (True, ()), (True, (0,)), (True, (1,)), (True, (0, 1))]
+    total = np.zeros(grids.shape)
+    for swap, axes in turns[:flips]:
+        moved = grids.swapaxes(1, 2) if swap else grids
+        moved = np.flip(moved, [axis + 1 for axis in axes])
+        value = made.reconstruct(np.ascontiguousarray(moved), flips=1)
+        value = np.flip(value, [axis + 1 for axis in axes])
+        total += value.swapaxes(1, 2) if swap else value
+    np.testing.assert_allclose(made.reconstruct(grids, flips=flips), total / flips, rtol=0, atol=1e-5)
+
+
+def test_kernel_values_are_clipped_logits():
+    made, grids = tiny_reconstructor(), codes()
+    with torch.no_grad():
+        for parameter in made.network.head.parameters():
+            parameter.mul_(1e3)
+    values = made.reconstruct(grids, flips=1)
+    assert values.dtype == np.float32 and values.min() == -8.0 and values.max() == 8.0
+
+
+def test_kernel_values_of_the_papers_network_are_its_tanh_outputs():
+    values = paper_reconstructor(tied=False).reconstruct(codes())
+    assert np.abs(values).max() < 1 and np.abs(values).max() > 0
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_batches_change_nothing_beyond_rounding(dimension):
+    """In bfloat16 (8 bits) a batch of another size may take another convolution, so the last bits can differ, and no more."""
+    made, grids = tiny_reconstructor(dimension), codes(dimension, batch=7)
+    whole = made.reconstruct(grids)
+    for batch in (1, 2, 3):
+        np.testing.assert_allclose(made.reconstruct(grids, batch=batch), whole, rtol=0, atol=0.02 * np.abs(whole).max())
+    order = np.random.default_rng(1).permutation(7)
+    np.testing.assert_allclose(made.reconstruct(grids[order]), whole[order], rtol=0, atol=0.02 * np.abs(whole).max())
+
+
+def test_the_same_grids_give_the_same_bits_and_training_mode_is_off():
+    made, grids = tiny_reconstructor(), codes()
+    made.network.train()
+    np.testing.assert_array_equal(made.reconstruct(grids), made.reconstruct(grids))
+
+
+def test_no_grids():
+    assert tiny_reconstructor().reconstruct(np.empty((0, 16, 16), np.int8)).shape == (0, 16, 16)
+
+
+def test_a_missing_checkpoint(tmp_path):
+    with pytest.raises(InputError, match="nowhere.safetensors: no such checkpoint"):
+        Reconstructor.load(tmp_path / "nowhere.safetensors")
+    with pytest.raises(InputError, match="no such checkpoint"):
+        Reconstructor.load(tmp_path)
+
+
+@pytest.mark.parametrize("left", [0, 5, 100, 0.5, 0.99])
+def test_a_truncated_checkpoint(tmp_path, left):
+    path = tiny_reconstructor().save(tmp_path / "model.safetensors")
+    size = os.path.getsize(path)
+    os.truncate(path, int(left * size) if isinstance(left, float) else left)
+    with pytest.raises(InputError, match="model.safetensors: not a checkpoint of hilbertvae, or damaged"):
+        Reconstructor.load(path)
+
+
+@pytest.mark.parametrize("content", [b"\x89PNG\r\n\x1a\n" + bytes(200), pickle.dumps({"state_dict": {}}), b"\xff" * 64])
+def test_a_foreign_file(tmp_path, content):
+    path = tmp_path / "foreign.ckpt"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="foreign.ckpt: not a checkpoint of hilbertvae"):
+        Reconstructor.load(path)
+
+
+@pytest.mark.parametrize("metadata", [None, {"format": "pt"}])
+def test_a_safetensors_file_of_others(tmp_path, metadata):
+    path = tmp_path / "other.safetensors"
+    save_file({"weight": torch.zeros(3)}, path, metadata=metadata)
+    with pytest.raises(InputError, match="other.safetensors: a safetensors file, but not a checkpoint of hilbertvae"):
+        Reconstructor.load(path)
+
+
+def forged(path, change):
+    """The checkpoint at `path` with its settings changed by `change`."""
+    with safe_open(path, framework="pt") as file:
+        described = json.loads(file.metadata()["settings"])
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    described = change(described)
+    save_file(tensors, path, metadata={"format": FORMAT, "settings": described if isinstance(described, str) else json.dumps(described)})
+    return path
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda described: "not json",
+        lambda described: [],
+        lambda described: {**described, "network": {**described["network"], "channels": [8, 8]}},
+        lambda described: {**described, "network": {**described["network"], "colour": "red"}},
+        lambda described: {**described, "network": ["gated"]},
+        lambda described: {**described, "grid": {}},
+        lambda described: {**described, "dimension": 7},
+        lambda described: {**described, "dimension": 3},
+        lambda described: {**described, "likelihood": {"colour": "red"}},
+        lambda described: {**described, "likelihood": {"kind": "poisson"}},
+        lambda described: {key: value for key, value in described.items() if key != "network"},
+        lambda described: {key: value for key, value in described.items() if key != "weights"},
+    ],
+)
+def test_settings_that_do_not_fit_the_weights(tmp_path, change):
+    path = forged(tiny_reconstructor().save(tmp_path / "model.safetensors"), change)
+    with pytest.raises(InputError, match="model.safetensors: the checkpoint's settings and weights don't fit together"):
+        Reconstructor.load(path)
+
+
+def test_an_unknown_kind_of_network_is_named(tmp_path):
+    path = forged(
+        tiny_reconstructor().save(tmp_path / "model.safetensors"),
+        lambda described: {**described, "network": {**described["network"], "kind": "resnet"}},
+    )
+    with pytest.raises(InputError, match="network.kind: expected one of gated, paper, got 'resnet'"):
+        Reconstructor.load(path)

@@ -1,0 +1,302 @@
+import itertools
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from hilbertvae.checks import InputError
+from hilbertvae.cloud import fit_cloud, voxel_index
+from hilbertvae.mappers.constant import ConstantMapper, GapCentreMapper
+from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.mappers.nearest import NearestMapper
+from hilbertvae.scans.scan import Scans
+from hilbertvae.scoring import protocol as protocol_module
+from hilbertvae.scoring.metrics import METRICS, score
+from hilbertvae.scoring.protocol import Protocol, ceiling, cut_site, evaluate, evaluate_all, occluded_parts
+from hilbertvae.site import Site
+from toy_rooms import box_room, square_room
+
+QUICK = Protocol(gap_seeds=[0, 3], gap_ratio=0.5, cluster_size_m=3.0, occlusion=False)
+
+
+class Spy(Mapper):
+    """Keeps what it is fitted on and asked; answers like the nearest point of its own cloud, or 0.5 far from it."""
+
+    needs_both_classes = False
+
+    def __init__(self, seed=0):
+        self.seed = seed
+
+    def _fit(self, points, occupied, weight):
+        self.fits_ = [*getattr(self, "fits_", []), (points, occupied, weight, self.seed)]
+        self.tree_, self.occupied_ = cKDTree(points), occupied
+
+    def _probability(self, queries):
+        distance, index = self.tree_.query(queries)
+        self.asked_ = [*getattr(self, "asked_", []), queries]
+        return np.where(distance < 0.15, self.occupied_[index], 0.5)
+
+
+class Broken(Mapper):
+    """Fails as it is fitted, or as it is asked."""
+
+    def __init__(self, early=True):
+        self.early = early
+
+    def _fit(self, points, occupied, weight):
+        self.fitted_ = True
+        if self.early:
+            raise MemoryError("too many centres")
+
+    def _probability(self, queries):
+        raise ZeroDivisionError("no neighbours")
+
+
+@pytest.fixture(scope="module", params=[2, 3], ids=["2d", "3d"])
+def near_sighted(request):
+    """A site of which no scan sees more than 3 m, so that what is left out is truly hidden."""
+    scans = square_room() if request.param == 2 else box_room()
+    return Site("near-sighted", scans.select(np.linalg.norm(scans.points - scans.origins, axis=1) < 3.0))
+
+
+def voxels(points, resolution_m):
+    return {tuple(index) for index in voxel_index(points, resolution_m).tolist()}
+
+
+def test_removed_points_and_held_out_beams_are_never_shown(place):
+    spy = Spy()
+    evaluate(spy, place, QUICK, "spy")
+    assert len(spy.fits_) == len(QUICK.gap_seeds)
+    kept = fit_cloud(place.scans.select(~place.scans.held_out()), place.resolution_m)
+    by_held_out_alone = voxels(place.whole.points, place.resolution_m) - voxels(kept.points, place.resolution_m)
+    assert by_held_out_alone
+    for (points, occupied, weight, given), seed in zip(spy.fits_, QUICK.gap_seeds, strict=True):
+        gaps = cut_site(place, QUICK, seed)
+        assert given == seed  # a mapper that takes a seed gets the gap's
+        for centre, radius in zip(gaps.centres, gaps.radius_m, strict=True):
+            assert (np.linalg.norm(points - centre, axis=1) >= radius).all()
+        assert not voxels(points, place.resolution_m) & by_held_out_alone
+        # And all the rest is shown, as it is.
+        expected = gaps.cut(kept)
+        np.testing.assert_array_equal(points, expected.points)
+        np.testing.assert_array_equal(occupied, expected.occupied)
+        np.testing.assert_array_equal(weight, expected.weight)
+
+
+def test_all_mappers_are_given_and_asked_the_same(room):
+    first, second = Spy(), Spy()
+    found = evaluate_all({"first": first, "second": second}, room, QUICK)
+    for ours, theirs in zip(first.fits_, second.fits_, strict=True):
+        np.testing.assert_array_equal(ours[0], theirs[0])
+    for ours, theirs in zip(first.asked_, second.asked_, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    assert found.scores["first"] == found.scores["second"]
+    assert evaluate(Spy(), room, QUICK).gaps == evaluate(ConstantMapper(), room, QUICK).gaps == found.gaps
+
+
+def test_regions_by_brute_force(place):
+    spy = Spy()
+    found = evaluate(spy, place, QUICK, "spy")
+    for k, seed in enumerate(QUICK.gap_seeds):
+        gaps = cut_site(place, QUICK, seed)
+        shown = cKDTree(spy.fits_[k][0])
+        for reading, cloud, held_out, fitted in (
+            ("points", place.points, place.points_held_out, ~place.points_held_out),
+            ("voxels", place.voxels, place.voxels_held_out, place.voxels_fitted),
+        ):
+            part = gaps.part(cloud.points)
+            distance, index = shown.query(cloud.points)
+            answer = np.where(distance < 0.15, spy.fits_[k][1][index], 0.5)
+            for region, chosen in (("gaps", part == 1), ("observed", (part == 0) & held_out), ("fitted", (part == 0) & fitted)):
+                assert chosen.any()
+                for metric, value in score(cloud.occupied[chosen], answer[chosen]).items():
+                    assert found.scores["spy"][reading][region][metric][k] == pytest.approx(value, abs=1e-12), (region, metric)
+
+
+def test_the_rim_is_scored_nowhere(room):
+    found = evaluate(Spy(), room, QUICK, "spy").scores["spy"]
+    for k, seed in enumerate(QUICK.gap_seeds):
+        rim = (cut_site(room, QUICK, seed).part(room.points.points) == -1).sum()
+        total = sum(found["points"][region]["count"][k] for region in ("observed", "fitted", "gaps"))
+        assert rim > 0 and total == len(room.points) - rim
+
+
+def test_the_contract(place):
+    names = {"nearest": NearestMapper(), "all-occupied": ConstantMapper(), "gap-centre": GapCentreMapper()}
+    every = Protocol(gap_seeds=[0, 1], gap_ratio=0.5, cluster_size_m=3.0)
+    found = evaluate_all(names, place, every)
+    plain = json.loads(json.dumps(found.plain(), allow_nan=False))
+    assert (plain["status"], plain["site"], plain["dimension"]) == ("ok", place.name, place.dimension)
+    assert (plain["gap_diameter_m"], plain["gap_seeds"]) == (1.5, [0, 1])
+    assert set(plain["scores"]) == set(names)
+    for name, readings in plain["scores"].items():
+        assert set(readings) == {"points", "voxels"}
+        for reading, regions in readings.items():
+            assert {"observed", "fitted", "gaps"} <= set(regions)
+            # The leak check knows nothing but the gaps, so occlusion, which has none, is not asked of it.
+            occluded = {"occluded-sparse", "occluded-half"} <= set(regions)
+            assert occluded == (reading == "voxels" and name != "gap-centre")
+            for metrics in regions.values():
+                assert set(metrics) == set(METRICS)
+                assert all(len(values) == 2 and all(isinstance(value, float) for value in values) for values in metrics.values())
+    for reading in ("points", "voxels"):
+        assert set(plain["ceiling"][reading]) == {"precision", "recall"}
+    assert [one["seed"] for one in plain["gaps"]] == [0, 1]
+    assert plain["protocol"]["cluster_size_m"] == 3.0
+
+
+def test_all_occupied_has_the_base_rate_as_precision(place):
+    found = evaluate(ConstantMapper(1.0), place, QUICK, "all").scores["all"]
+    for reading, region in itertools.product(("points", "voxels"), ("observed", "fitted", "gaps")):
+        rows = found[reading][region]
+        assert rows["precision"] == rows["base_rate"] and rows["recall"] == [1.0, 1.0] and rows["auc"] == [0.5, 0.5]
+
+
+def test_the_leak_check_is_told_the_centres_and_scores_their_distance(room):
+    mapper = GapCentreMapper()
+    found = evaluate(mapper, room, QUICK, "gap-centre").scores["gap-centre"]
+    for k, seed in enumerate(QUICK.gap_seeds):
+        gaps, cloud = cut_site(room, QUICK, seed), room.voxels
+        inside = gaps.part(cloud.points) == 1
+        distance = np.linalg.norm(cloud.points[inside][:, None] - gaps.centres, axis=2).min(axis=1)
+        hit, free = distance[cloud.occupied[inside]], distance[~cloud.occupied[inside]]
+        wins = (hit[:, None] < free).sum() + 0.5 * (hit[:, None] == free).sum()
+        assert found["voxels"]["gaps"]["auc"][k] == pytest.approx(wins / (len(hit) * len(free)), abs=1e-9)
+
+
+def test_precision_recall_curves(room):
+    found = evaluate(Spy(), room, QUICK, "spy")
+    gaps = cut_site(room, QUICK, 0)
+    inside = gaps.part(room.voxels.points) == 1
+    spy = Spy().fit(*(lambda cloud: (cloud.points, cloud.occupied, cloud.weight))(gaps.cut(room.fit)))
+    probability, occupied = spy.predict_proba(room.voxels.points[inside])[:, 1], room.voxels.occupied[inside]
+    curve = found.curves["spy"]["voxels"][0]
+    assert len(curve) == 101
+    for recall, precision in zip(np.linspace(0, 1, 101), curve, strict=True):
+        best = 0.0
+        for cut in set(probability):
+            called = probability >= cut
+            if (called & occupied).sum() / occupied.sum() >= recall - 1e-12:
+                best = max(best, (called & occupied).sum() / called.sum())
+        assert precision == pytest.approx(best, abs=1e-5)
+
+
+def test_a_failing_mapper_is_named_and_the_others_are_scored(room):
+    lines = []
+    mappers = {"early": Broken(), "nearest": NearestMapper(), "late": Broken(early=False), "all": ConstantMapper()}
+    found = evaluate_all(mappers, room, QUICK, progress=lines.append)
+    assert found.failed == {"early": "MemoryError: too many centres", "late": "ZeroDivisionError: no neighbours"}
+    assert set(found.scores) == {"nearest", "all"} and found.plain()["status"] == "failed"
+    assert sum("failed" in line for line in lines) == 2
+    assert sum(line.startswith("nearest on room, gap seed") for line in lines) == 2
+
+
+def test_every_mapper_failing_leaves_a_result(room):
+    found = evaluate_all({"hm": Broken()}, room, QUICK)
+    assert found.plain()["status"] == "failed" and found.scores == {} and set(found.ceiling) == {"points", "voxels"}
+
+
+def test_ceiling_by_brute_force(place):
+    """The best constant per cell, scored on held-out beams by counting."""
+    found = ceiling(place)
+    for reading, cloud, held_out in (("points", place.points, place.points_held_out), ("voxels", place.voxels, place.voxels_held_out)):
+        cells = {}
+        for index, occupied in zip(voxel_index(cloud.points, place.resolution_m).tolist(), cloud.occupied, strict=True):
+            cells.setdefault(tuple(index), []).append(bool(occupied))
+        called = right = positive = 0
+        for index, occupied, out in zip(voxel_index(cloud.points, place.resolution_m).tolist(), cloud.occupied, held_out, strict=True):
+            if out:
+                votes = cells[tuple(index)]
+                says = 2 * sum(votes) >= len(votes)
+                called, right, positive = called + says, right + (says and occupied), positive + bool(occupied)
+        assert found[reading]["precision"] == pytest.approx(right / called)
+        assert found[reading]["recall"] == pytest.approx(right / positive)
+    assert found["voxels"] == {"precision": 1.0, "recall": 1.0}
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_sensor_at_the_edge_of_the_map(dimension):
+    """Free points close to a sensor that looks into a room from its edge lie in voxels that no beam is counted in."""
+    rng = np.random.default_rng(0)
+    origins = np.full((4000, dimension), 0.08)
+    points = np.column_stack([rng.uniform(3, 3.05, 4000), *rng.uniform(0.1, 3, (dimension - 1, 4000))])
+    site = Site("edge", Scans(points, origins, np.arange(4000) // 200, np.arange(4000) % 200), 0.1)
+    found = evaluate(ConstantMapper(), site, Protocol(gap_seeds=[0], gap_ratio=0.5, cluster_size_m=1.2), "all")
+    assert found.ceiling["points"]["recall"] > 0.9
+
+
+def test_which_scans_occlusion_keeps(near_sighted):
+    scans = near_sighted.scans
+    step = {2: 10, 3: 3}[near_sighted.dimension]
+    count = scans.scan.max() + 1
+    for seed in (0, 4):
+        parts = occluded_parts(scans, seed)
+        for scan in range(count):
+            mine = scans.scan == scan
+            assert (parts["occluded-sparse"][mine] == ((scan - seed) % step == 0)).all()
+            assert (parts["occluded-half"][mine] == (scan < count / 2)).all()
+
+
+def test_occlusion_by_brute_force(near_sighted):
+    """Scored is what only the left-out scans saw, by its distance from the nearest kept point; shown is what the kept ones saw."""
+    site = near_sighted
+    spy = Spy()
+    found = evaluate(spy, site, Protocol(gap_seeds=[4], gap_ratio=0.5, cluster_size_m=3.0), "spy").scores["spy"]["voxels"]
+    assert len(spy.fits_) == 3
+    held_out = site.scans.held_out()
+    for (region, kept), given in zip(occluded_parts(site.scans, 4).items(), spy.fits_[1:], strict=True):
+        expected = fit_cloud(site.scans.select(kept & ~held_out), site.resolution_m)
+        np.testing.assert_array_equal(given[0], expected.points)
+        seen = fit_cloud(site.scans.select(kept), site.resolution_m)
+        known = voxels(seen.points, site.resolution_m)
+        bands = {(0.5, 2.5): region, (0.25, 0.5): f"{region}-0.25-0.5", (0.5, 1.0): f"{region}-0.5-1", (1.0, 2.5): f"{region}-1-2.5"}
+        inside = {band: [] for band in bands}
+        for k, index in enumerate(voxel_index(site.voxels.points, site.resolution_m).tolist()):
+            if tuple(index) in known:
+                continue
+            away = np.sqrt(((seen.points - site.voxels.points[k]) ** 2).sum(axis=1).min())
+            for band in bands:
+                if band[0] <= away < band[1]:
+                    inside[band].append(k)
+        assert len(inside[0.5, 2.5]) > 20
+        tree = cKDTree(given[0])
+        for band, row in bands.items():
+            chosen = np.array(inside[band], int)
+            distance, nearest = tree.query(site.voxels.points[chosen])
+            answer = np.where(distance < 0.15, given[1][nearest], 0.5)
+            for metric, value in score(site.voxels.occupied[chosen], answer).items():
+                assert found[row][metric] == [pytest.approx(value, abs=1e-12)], (row, metric)
+
+
+def test_centred_gaps_are_rows_of_their_own(room):
+    centred = Protocol(gap_seeds=[0], gap_ratio=0.5, cluster_size_m=3.0, centred=True)
+    for centre in cut_site(room, centred, 0).centres:
+        assert (np.abs(room.fit.points[room.fit.occupied] - centre).max(axis=1) == 0).any()
+    with pytest.raises(ValueError, match="differ in"):
+        evaluate(ConstantMapper(), room, QUICK).add(evaluate(ConstantMapper(), room, centred))
+
+
+def test_times_are_kept(room):
+    found = evaluate(ConstantMapper(), room, QUICK, "all").seconds["all"]
+    assert len(found["fit"]) == 2 and all(value >= 0 for stage in found.values() for value in stage)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"gap_seeds": []}, "evaluation.gap_seeds: expected one or more different seeds"),
+        ({"gap_seeds": [1, 1]}, "evaluation.gap_seeds: expected one or more different seeds"),
+        ({"gap_ratio": 0.0}, "evaluation.gap_ratio: expected a positive number"),
+        ({"cluster_size_m": -5.0}, "evaluation.cluster_size_m: expected a positive number"),
+        ({"gap_ratio": 20.0, "centred": True}, "none fits into this site"),
+    ],
+)
+def test_protocols_that_score_nothing_are_named(room, change, message):
+    with pytest.raises(InputError, match=message):
+        evaluate(ConstantMapper(), room, Protocol(**change))
+
+
+def test_the_default_gap_is_half_the_papers_cluster():
+    assert Protocol().gap_diameter_m == 2.5 and len(Protocol().gap_seeds) == 5
+    assert protocol_module.OCCLUSION_STEP == {2: 10, 3: 3}

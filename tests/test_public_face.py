@@ -1,0 +1,28 @@
+"""What `import hilbertvae` offers."""
+
+import subprocess
+import sys
+
+import pytest
+
+import hilbertvae
+
+
+def test_every_name_is_there():
+    for name in hilbertvae.__all__:
+        assert getattr(hilbertvae, name).__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'colour'"):
+        _ = hilbertvae.colour
+
+
+def test_importing_costs_neither_torch_nor_lightning():
+    program = "import sys, hilbertvae; print([name for name in ('torch', 'lightning', 'sklearn') if name in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+
+
+def test_the_estimators_need_neither_lightning_nor_hydra():
+    program = (
+        "import sys; from hilbertvae import load_mapper, evaluate, cloud_from_scans, open_site;"
+        "print([name for name in ('lightning', 'hydra', 'omegaconf') if name in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "[]"

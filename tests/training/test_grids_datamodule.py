@@ -1,0 +1,185 @@
+from dataclasses import asdict, replace
+
+import joblib
+import numpy as np
+import pytest
+import torch
+from training_toys import tiny_settings
+
+from hilbertvae.checks import InputError
+from hilbertvae.grids.frame import FrameSettings
+from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
+from hilbertvae.scans.carmen import read_carmen
+from hilbertvae.training import grids_datamodule
+from hilbertvae.training.grids_datamodule import EpochBatches, GridPairs, GridsDataModule, grids_hash
+from hilbertvae.training.settings import DataSettings
+from toy_rooms import room_log
+
+
+@pytest.fixture(autouse=True)
+def one_process():
+    """Processes would import everything again."""
+    with joblib.parallel_config(backend="threading"):
+        yield
+
+
+@pytest.fixture
+def prepared(tmp_path):
+    """Settings that train on one log and validate on another."""
+    logs = [str(room_log(tmp_path / f"{name}.log", seed=seed)) for seed, name in enumerate(("train", "validate"))]
+    data = DataSettings(train=logs[:1], validate=logs[1], test=[])
+    return tiny_settings(tmp_path / "run", tmp_path / "cache", data, clustering=ClusteringSettings(2, [0.6, 1.2]))
+
+
+def module_of(settings):
+    module = GridsDataModule(settings)
+    module.setup()
+    return module
+
+
+def test_pairs_are_those_of_each_clustering(prepared):
+    module = module_of(prepared)
+    expected = [training_grids(read_carmen(prepared.data.train[0]), 0.1, prepared.grid, prepared.clustering, seed) for seed in range(2)]
+    for found, parts in zip((module.train_pairs.shown, module.train_pairs.target), zip(*expected, strict=True), strict=True):
+        assert found.dtype == torch.int8
+        np.testing.assert_array_equal(found.numpy(), np.concatenate(parts))
+
+
+def test_the_validation_site_is_seen_as_it_will_be_mapped(prepared):
+    """Its clusterings are unturned, with fixed gaps; some of its grids are taken, each once."""
+    module = module_of(prepared)
+    unturned = replace(prepared.clustering, turn=False)
+    scans = read_carmen(prepared.data.validate)
+    expected = [training_grids(scans, 0.1, prepared.grid, unturned, seed) for seed in (1_000_001, 1_000_002)]
+    every = {(s.tobytes(), t.tobytes()) for shown, target in expected for s, t in zip(shown, target, strict=True)}
+    pairs = module.validation_pairs
+    found = [(s.tobytes(), t.tobytes()) for s, t in zip(pairs.shown.numpy(), pairs.target.numpy(), strict=True)]
+    assert len(found) == min(24, sum(len(shown) for shown, _ in expected)) and set(found) <= every
+
+
+def test_the_second_run_builds_nothing(prepared, monkeypatch):
+    first = module_of(prepared)
+    monkeypatch.setattr(grids_datamodule, "_build", lambda *arguments: pytest.fail("built again"))
+    second = module_of(prepared)
+    assert torch.equal(first.train_pairs.shown, second.train_pairs.shown)
+    assert torch.equal(first.validation_pairs.target, second.validation_pairs.target)
+    first.setup("fit")  # nor does the same module, when Lightning asks again
+
+
+def test_only_what_is_missing_is_built(prepared, monkeypatch):
+    module_of(prepared)
+    built = []
+    original = grids_datamodule._build
+    monkeypatch.setattr(grids_datamodule, "_build", lambda path, *job: built.append(job[:2]) or original(path, *job))
+    module_of(replace(prepared, clustering=replace(prepared.clustering, clusterings=3)))
+    assert built == [(prepared.data.train[0], 2)]
+
+
+def test_a_log_that_changed_is_read_again(prepared, tmp_path):
+    before = module_of(prepared)
+    room_log(tmp_path / "train.log", seed=7)
+    after = module_of(prepared)
+    assert before.train_pairs.shown.shape != after.train_pairs.shown.shape or not torch.equal(
+        before.train_pairs.shown, after.train_pairs.shown
+    )
+
+
+def changed(settings, key, value):
+    """`settings` with the value at a dotted key."""
+    head, _, rest = key.partition(".")
+    return replace(settings, **{head: changed(getattr(settings, head), rest, value) if rest else value})
+
+
+MATTER = [
+    ("resolution_m", 0.2),
+    ("grid.cells", 8),
+    ("grid.cluster_diameter_m", 2.0),
+    ("grid.inner_radius_m", 0.4),
+    ("grid.minimum_points", 9),
+    ("grid.occupied_share", 0.5),
+    ("grid.frame", FrameSettings(centre="median")),
+    ("grid.frame", FrameSettings(rotation="full")),
+    ("grid.frame", FrameSettings(scale="extent")),
+    ("clustering.gap_diameter_m", [1.0, 1.2]),
+    ("clustering.gap_diameter_m", []),
+    ("clustering.turn", False),
+    ("data.simulated_scans", 21),
+    ("data.simulated_extent_m", [12, 17]),
+]
+DO_NOT = [
+    ("name", "other"),
+    ("output", "elsewhere"),
+    ("seed", 5),
+    ("data.cache", "elsewhere"),
+    ("data.simulated", 9),
+    ("clustering.clusterings", 9),
+    ("trainer.learning_rate", 1.0),
+    ("trainer.batch_size", 3),
+    ("augmentation.balls", 0),
+    ("network.latent", 9),
+    ("evaluation.gap_ratio", 1.0),
+]
+
+
+@pytest.mark.parametrize(("key", "value"), MATTER, ids=lambda part: str(part)[:40])
+def test_the_hash_sees_what_changes_grids(key, value):
+    settings = tiny_settings("run", "cache")
+    assert grids_hash("simulated:0", 1, changed(settings, key, value)) != grids_hash("simulated:0", 1, settings)
+
+
+@pytest.mark.parametrize(("key", "value"), DO_NOT, ids=lambda part: str(part)[:40])
+def test_the_hash_does_not_see_what_leaves_grids_alone(key, value):
+    settings = tiny_settings("run", "cache")
+    other = changed(settings, key, value)
+    assert asdict(other) != asdict(settings)
+    assert grids_hash("simulated:0", 1, other) == grids_hash("simulated:0", 1, settings)
+
+
+def test_the_hash_sees_site_and_clustering():
+    settings = tiny_settings("run", "cache")
+    names = [("simulated:0", 1), ("simulated:0", 2), ("simulated:1", 1), ("intel", 1), ("csail", 1)]
+    assert len({grids_hash(*name, settings) for name in names}) == len(names)
+
+
+def test_no_clusters_to_train_on(prepared):
+    with pytest.raises(InputError, match="expected clusters to train and to validate on, got none; is grid.minimum_points too large"):
+        module_of(changed(prepared, "grid.minimum_points", 10**6))
+
+
+def test_a_batch_is_fetched_at_once():
+    shown = np.arange(5 * 4, dtype=np.int8).reshape(5, 2, 2)
+    pairs = GridPairs(shown, -shown)
+    assert len(pairs) == 5
+    found = pairs[[3, 0]]
+    np.testing.assert_array_equal(found[0], shown[[3, 0]])
+    np.testing.assert_array_equal(found[1], -shown[[3, 0]])
+
+
+def batches(count=10, batch_size=4, steps=5, seed=0, epoch=0):
+    sampler = EpochBatches(count, batch_size, steps, seed)
+    sampler.set_epoch(epoch)
+    return list(sampler)
+
+
+def test_epochs_are_drawn_from_seed_and_epoch():
+    assert batches() == batches()
+    assert len({str(batches(epoch=epoch)) for epoch in range(4)} | {str(batches(seed=1))}) == 5
+
+
+def test_an_epoch_has_the_steps_it_says_and_shows_every_grid_equally_often():
+    found = batches()
+    assert [len(batch) for batch in found] == [4] * 5 and len(EpochBatches(10, 4, 5, 0)) == 5
+    np.testing.assert_array_equal(np.bincount(np.concatenate(found), minlength=10), 2)
+    # Fewer places than grids: none twice.
+    some = np.concatenate(batches(count=100, steps=3))
+    assert len(set(some.tolist())) == 12 and some.max() < 100
+    # More places than grids in one batch.
+    assert [len(batch) for batch in batches(count=3, batch_size=7, steps=2)] == [7, 7]
+
+
+def test_loaders(prepared):
+    module = module_of(prepared)
+    train = list(module.train_dataloader())
+    assert [len(shown) for shown, _ in train] == [8] * 4
+    validation = list(module.val_dataloader())
+    np.testing.assert_array_equal(torch.cat([shown for shown, _ in validation]), module.validation_pairs.shown)

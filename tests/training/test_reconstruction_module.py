@@ -1,0 +1,130 @@
+import math
+from dataclasses import asdict, replace
+
+import pytest
+import torch
+from torch.nn import functional as F
+from training_toys import TRAINER, tiny_settings
+
+from hilbertvae.reconstruction.augmentation import augment
+from hilbertvae.reconstruction.likelihood import Bernoulli, LikelihoodSettings, free_bits, kl_divergence
+from hilbertvae.training.reconstruction_module import ReconstructionModule
+
+
+@pytest.fixture
+def logged(monkeypatch):
+    values = {}
+    monkeypatch.setattr(
+        ReconstructionModule, "log", lambda self, name, value, **about: values.__setitem__(name, float(torch.as_tensor(value).detach()))
+    )
+    return values
+
+
+def module_of(step=0, **changes):
+    torch.manual_seed(0)
+    module = ReconstructionModule(tiny_settings("run", "cache", **changes))
+    module.__class__ = type("At", (ReconstructionModule,), {"global_step": step})
+    return module
+
+
+def pairs(batch=8):
+    generator = torch.Generator().manual_seed(1)
+    target = torch.randint(-1, 2, (batch, 16, 16), generator=generator).to(torch.int8)
+    return torch.where(torch.rand(target.shape, generator=generator) < 0.3, torch.zeros_like(target), target), target
+
+
+@pytest.mark.parametrize(("step", "weight"), [(0, 0.0), (1, 1.0), (7, 1.0)])
+def test_the_loss_is_equation_6(logged, step, weight):
+    """Eight steps in all: the warm-up of a fifth takes one."""
+    module = module_of(step).train()
+    loss = module.training_step(pairs(), 0)
+    torch.manual_seed(hash((0, step)) % 2**63)
+    shown, target = augment(*pairs(), module.settings.augmentation)
+    found = module.network(shown)
+    nll = Bernoulli(module.settings.likelihood)(found.output, target, shown).mean()
+    kl = kl_divergence(found.mean, found.std)
+    assert loss.item() == pytest.approx((nll + weight * free_bits(kl, 0.05)).item(), rel=1e-5)
+    assert logged["train/nll_per_grid"] == pytest.approx(nll.item(), rel=1e-5)
+    assert logged["train/kl_nats"] == pytest.approx(kl.sum(dim=1).mean().item(), rel=1e-4)
+    assert 0 <= logged["train/active_latents"] <= 3
+
+
+def test_an_auto_encoder_pays_no_kl(logged):
+    settings = tiny_settings("run", "cache")
+    module = module_of(5, network=replace(settings.network, variational=False)).train()
+    loss = module.training_step(pairs(), 0)
+    assert "train/kl_nats" not in logged and loss.item() == pytest.approx(logged["train/nll_per_grid"])
+
+
+def test_a_step_draws_from_seed_and_step_alone(logged):
+    losses = []
+    for seed, step, noise in ((0, 3, 11), (0, 3, 99), (0, 4, 11), (1, 3, 11)):
+        module = module_of(step, seed=seed).train()
+        torch.manual_seed(noise)  # whatever happened before
+        losses.append(module.training_step(pairs(), 0).item())
+    assert losses[0] == losses[1] and len(set(losses)) == 3
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_loss_that_is_not_finite_fails(logged, value):
+    module = module_of(3).train()
+    with torch.no_grad():
+        module.network.mean.bias.fill_(value)
+    with pytest.raises(FloatingPointError, match="training loss is .* at step 3: lower trainer.learning_rate"):
+        module.training_step(pairs(), 0)
+
+
+@pytest.mark.parametrize("kind", ["bernoulli", "gaussian"])
+def test_validation_goes_by_what_was_removed(logged, kind):
+    module = module_of(likelihood=LikelihoodSettings(kind=kind)).eval()
+    shown, target = pairs()
+    module.validation_step((shown, target), 0)
+    output = module.network(shown).output
+    probability = torch.sigmoid(output.clamp(-8, 8)) if kind == "bernoulli" else (torch.tanh(output) + 1) / 2
+    total = count = 0
+    for p, s, t in zip(probability.flatten().tolist(), shown.flatten().tolist(), target.flatten().tolist(), strict=True):
+        if s == 0 and t != 0:
+            p = min(max(p, 1e-4), 1 - 1e-4)
+            total, count = total - math.log(p if t > 0 else 1 - p), count + 1
+    assert logged["val/gap_nll"] == pytest.approx(total / count, rel=1e-4)
+
+
+def test_a_step_whose_gradient_is_not_finite_is_skipped_and_counted(logged):
+    module = module_of()
+    optimizer = module.configure_optimizers()["optimizer"]
+    before = [p.detach().clone() for p in module.network.parameters()]
+    for broken in (True, False):
+        logged.clear()
+        F.mse_loss(module.network(pairs()[0]).output, torch.ones(8, 16, 16)).backward()
+        if broken:
+            module.network.head[-1].weight.grad[0, 0, 0, 0] = math.inf
+        module.on_before_optimizer_step(optimizer)
+        optimizer.step()
+        same = all(torch.equal(p, old) for p, old in zip(module.network.parameters(), before, strict=True))
+        assert same == broken
+        assert ("train/skipped_step" in logged) == broken and ("train/gradient_norm" in logged) != broken
+
+
+def test_the_learning_rate_rises_and_falls_as_a_cosine():
+    module = module_of(trainer=replace(TRAINER, epochs=10, steps_per_epoch=10, warmup_share=0.1, learning_rate=2e-3))
+    made = module.configure_optimizers()
+    optimizer, schedule = made["optimizer"], made["lr_scheduler"]["scheduler"]
+    assert made["lr_scheduler"]["interval"] == "step"
+    for step in range(100):
+        expected = 2e-3 * min(1, (step + 1) / 10) * (0.01 + 0.495 * (1 + math.cos(math.pi * step / 100)))
+        assert optimizer.param_groups[0]["lr"] == pytest.approx(expected)
+        optimizer.step()
+        schedule.step()
+
+
+def test_only_matrices_decay():
+    module = module_of()
+    decaying, others = module.configure_optimizers()["optimizer"].param_groups
+    assert decaying["weight_decay"] == TRAINER.weight_decay and others["weight_decay"] == 0
+    assert all(p.ndim > 1 for p in decaying["params"]) and all(p.ndim <= 1 for p in others["params"])
+    assert len(decaying["params"]) + len(others["params"]) == len(list(module.network.parameters()))
+
+
+def test_hyper_parameters_are_plain():
+    module = module_of()
+    assert dict(module.hparams)["settings"] == asdict(module.settings)

@@ -1,0 +1,53 @@
+from dataclasses import replace
+
+import pytest
+
+from hilbertvae.checks import InputError
+from hilbertvae.grids.cluster_grids import GridSettings
+from hilbertvae.scoring.protocol import Protocol
+from hilbertvae.training.settings import DataSettings, Settings, TrainerSettings
+
+
+def good():
+    return Settings(data=DataSettings(train=["aces", "fhw"], validate="csail", test=["intel"]))
+
+
+def test_good_settings_pass():
+    good().check()
+    Settings(data=DataSettings(simulated=3)).check()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"dimension": 4}, "dimension: expected 2 or 3, got 4"),
+        ({"resolution_m": 0.0}, "resolution_m: expected a positive number, got 0.0"),
+        ({"grid": GridSettings(cells=0)}, "grid.cells: expected at least 2"),
+        ({"evaluation": Protocol(gap_seeds=[])}, "evaluation.gap_seeds"),
+        ({"data": DataSettings()}, "data.train: expected at least one site, or data.simulated buildings, got neither"),
+        ({"data": DataSettings(train=["aces"], validate="aces")}, "data.validate: 'aces' is also trained on"),
+        (
+            {"data": DataSettings(train=["aces"], validate="csail", test=["aces", "intel"])},
+            "data.test: aces is also trained or validated on",
+        ),
+        ({"data": DataSettings(train=["aces"], validate="csail", test=["csail"])}, "data.test: csail is also trained or validated on"),
+        ({"data": DataSettings(simulated=3, validate="simulated:2")}, "data.validate: 'simulated:2' is also trained on"),
+        ({"data": DataSettings(simulated=3, test=["simulated:0"])}, "data.test: simulated:0 is also trained or validated on"),
+        ({"trainer": TrainerSettings(epochs=0)}, "trainer.epochs: expected a positive number, got 0"),
+        ({"trainer": TrainerSettings(steps_per_epoch=0)}, "trainer.steps_per_epoch"),
+        ({"trainer": TrainerSettings(batch_size=-4)}, "trainer.batch_size"),
+        ({"trainer": TrainerSettings(learning_rate=float("nan"))}, "trainer.learning_rate"),
+        ({"trainer": TrainerSettings(validation_grids=0)}, "trainer.validation_grids"),
+        ({"trainer": TrainerSettings(kl_warmup_share=0.1)}, "trainer.kl_warmup_share: expected at least 0.2, got 0.1"),
+    ],
+)
+def test_settings_that_make_no_run_are_named(change, message):
+    with pytest.raises(InputError, match=message):
+        replace(good(), **change).check()
+
+
+def test_how_simulated_buildings_are_read():
+    reading = DataSettings(simulated_scans=20, simulated_extent_m=[12, 16], folder="logs", download=True).reading()
+    assert (reading["folder"], reading["download"]) == ("logs", True)
+    building = reading["building"]
+    assert (building.scans, building.shortest_extent_m, building.longest_extent_m) == (20, 12, 16)

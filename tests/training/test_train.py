@@ -1,0 +1,152 @@
+import json
+from dataclasses import replace
+
+import joblib
+import numpy as np
+import pytest
+import torch
+from training_toys import TRAINER, tiny_settings
+
+pytest.importorskip("embreex")
+pytest.importorskip("shapely")
+
+from hilbertvae.checks import InputError  # noqa: E402
+from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
+from hilbertvae.mappers.nearest import NearestMapper  # noqa: E402
+from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
+from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
+from hilbertvae.training.train import train, training_hash  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def one_process():
+    threads = torch.get_num_threads()
+    with joblib.parallel_config(backend="threading"):
+        yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, cache):
+    """A run of two epochs, never interrupted."""
+    settings = tiny_settings(tmp_path_factory.mktemp("runs") / "whole", cache)
+    with joblib.parallel_config(backend="threading"):
+        return settings, train(settings)
+
+
+def stop_at(monkeypatch, step, error):
+    """From now on the step of this number ends the run, as a lost machine or Ctrl-C would."""
+    original = ReconstructionModule.training_step
+
+    def training_step(self, batch, number):
+        if self.global_step == step:
+            raise error
+        return original(self, batch, number)
+
+    monkeypatch.setattr(ReconstructionModule, "training_step", training_step)
+
+
+def assert_same(path, other):
+    ours, theirs = Reconstructor.load(path), Reconstructor.load(other)
+    for (name, a), (_, b) in zip(ours.network.state_dict().items(), theirs.network.state_dict().items(), strict=True):
+        assert torch.equal(a, b), name
+    assert ours.weights == theirs.weights and ours.card == theirs.card
+
+
+def test_a_run_leaves_a_checkpoint_that_maps(finished, room):
+    settings, path = finished
+    assert str(path) == f"{settings.output}/model.safetensors"
+    found = Reconstructor.load(path)
+    assert (found.grid, found.network_settings, found.resolution_m) == (settings.grid, settings.network, 0.1)
+    assert set(found.weights) == {"points", "voxels"} and found.card["trained_on"] == ["1 simulated buildings"]
+    mapper = HilbertMap(found).fit(room.fit.points, room.fit.occupied, room.fit.weight)
+    assert np.isfinite(mapper.predict_proba(room.voxels.points)).all()
+
+
+def test_the_checkpoint_has_the_best_weights_not_the_last(finished):
+    settings, path = finished
+    saved = torch.load(f"{settings.output}/checkpoints/best.ckpt", weights_only=True)
+    network = Reconstructor.load(path).network.state_dict()
+    assert all(torch.equal(value, saved["state_dict"][f"network.{name}"]) for name, value in network.items())
+
+
+@pytest.mark.parametrize("error", [RuntimeError("the machine went away"), KeyboardInterrupt()], ids=["lost", "ctrl-c"])
+def test_an_interrupted_run_goes_on_to_the_same_bits(finished, tmp_path, monkeypatch, error):
+    settings = replace(finished[0], output=str(tmp_path / "interrupted"))
+    with monkeypatch.context() as patch:
+        patch.setattr("signal.signal", lambda *arguments: None)  # Lightning switches Ctrl-C off for the rest of the process
+        stop_at(patch, 6, error)  # in the second epoch of four steps
+        with pytest.raises((RuntimeError, KeyboardInterrupt, SystemExit)):
+            train(settings)
+    assert not (tmp_path / "interrupted" / "model.safetensors").exists()
+    steps = []
+    original = ReconstructionModule.training_step
+    monkeypatch.setattr(ReconstructionModule, "training_step", lambda self, *rest: steps.append(self.global_step) or original(self, *rest))
+    path = train(settings)
+    assert steps == [4, 5, 6, 7]
+    assert_same(path, finished[1])
+
+
+def test_another_seed_gives_another_network(finished, tmp_path):
+    path = train(replace(finished[0], output=str(tmp_path / "other"), seed=1))
+    ours, theirs = (Reconstructor.load(each).network.state_dict() for each in (path, finished[1]))
+    assert any(not torch.equal(ours[name], theirs[name]) for name in ours)
+
+
+def test_a_finished_run_is_not_trained_again(finished, monkeypatch):
+    settings, path = finished
+    before = path.read_bytes()
+    monkeypatch.setattr(ReconstructionModule, "training_step", lambda *arguments: pytest.fail("trained again"))
+    assert train(settings) == path
+    assert path.read_bytes() == before
+
+
+def test_a_folder_with_a_run_of_other_settings_is_left_alone(finished):
+    settings, path = finished
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="output: .* holds a run with other settings"):
+        train(replace(settings, seed=9))
+    assert path.read_bytes() == before
+
+
+def test_a_nan_loss_fails_the_run(finished, tmp_path):
+    settings = replace(finished[0], output=str(tmp_path / "nan"), trainer=replace(TRAINER, learning_rate=1e30, warmup_share=0.0))
+    with pytest.raises(FloatingPointError, match="training loss is nan at step"):
+        train(settings)
+    assert not (tmp_path / "nan" / "model.safetensors").exists()
+
+
+def test_bad_settings_fail_before_anything_is_written(finished, tmp_path):
+    with pytest.raises(InputError, match="trainer.epochs"):
+        train(replace(finished[0], output=str(tmp_path / "bad"), trainer=replace(TRAINER, epochs=0)))
+    assert not (tmp_path / "bad").exists()
+
+
+def test_mappers_are_scored_on_the_test_sites_and_writers_get_the_result(finished, tmp_path, monkeypatch):
+    """The trained network is put where a mapper asks for it, and nowhere else."""
+    settings, path = finished
+    settings = replace(settings, data=replace(settings.data, test=["simulated:900002"]))
+    written = []
+    mappers = {"cvae-hm": HilbertMap("trained"), "raw-grid-hm": HilbertMap(grid=settings.grid), "nearest": NearestMapper()}
+    monkeypatch.setattr(ReconstructionModule, "training_step", lambda *arguments: pytest.fail("trained again"))
+    assert train(settings, mappers, lambda *arguments: written.append(arguments)) == path
+    ((result, site, fitted),) = written
+    assert (site.name, result.site) == ("simulated:900002", "simulated:900002")
+    assert result.failed == {} and set(result.scores) == set(mappers)
+    assert fitted["raw-grid-hm"].reconstructor is None
+    assert fitted["cvae-hm"].reconstructor.weights == Reconstructor.load(path).weights
+    json.dumps(result.plain(), allow_nan=False)
+
+
+def test_the_training_hash_sees_what_changes_a_network_and_not_where_it_lies():
+    settings = tiny_settings("run", "cache")
+    elsewhere = tiny_settings("elsewhere", "other", name="x", pictures=True, mapper={"hm": {}})
+    elsewhere = replace(elsewhere, data=replace(elsewhere.data, test=["intel"], folder="logs"))
+    assert training_hash(elsewhere) == training_hash(settings)
+    for change in ({"seed": 1}, {"trainer": replace(TRAINER, epochs=3)}, {"grid": replace(settings.grid, cells=32)}, {"resolution_m": 0.2}):
+        assert training_hash(replace(settings, **change)) != training_hash(settings)

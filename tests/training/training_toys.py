@@ -1,0 +1,33 @@
+"""Settings of runs that take seconds."""
+
+from dataclasses import replace
+
+from hilbertvae.grids.training_grids import ClusteringSettings
+from hilbertvae.reconstruction.augmentation import AugmentationSettings
+from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
+from hilbertvae.scoring.protocol import Protocol
+from hilbertvae.training.settings import DataSettings, Settings, TrainerSettings
+from toy_rooms import tiny_grid
+
+NETWORK = GatedNetworkSettings(stem=2, channels=[4, 8], blocks=[1, 1], latent=3)
+TRAINER = TrainerSettings(epochs=2, steps_per_epoch=4, batch_size=8, validation_grids=24, precision="32-true", threads=1, accelerator="cpu")
+
+
+def tiny_settings(output, cache, data=None, **changes) -> Settings:
+    """A tiny network on grids of 16 cells, trained for two epochs of four steps on one simulated building."""
+    simulated = DataSettings(simulated=1, simulated_clusterings=1, simulated_extent_m=[12, 16], simulated_scans=20, test=[])
+    return replace(
+        Settings(
+            output=str(output),
+            data=replace(data or simulated, cache=str(cache)),
+            clustering=ClusteringSettings(1, [0.6, 1.2]),
+            grid=tiny_grid(),
+            augmentation=AugmentationSettings(ball_diameter_cells=[3.0, 8.0]),
+            network=NETWORK,
+            trainer=TRAINER,
+            evaluation=Protocol(gap_seeds=[0], gap_ratio=0.5, cluster_size_m=2.4),
+            calibration_seeds=[100],
+            pictures=False,
+        ),
+        **changes,
+    )
