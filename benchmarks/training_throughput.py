@@ -19,7 +19,7 @@ from hilbertvae.reconstruction.likelihood import Bernoulli, LikelihoodSettings, 
 from hilbertvae.reconstruction.networks import build_network
 
 CELLS, BATCH = 64, 64
-PEAK_SHAPES = ((128, 32), (256, 16), (256, 32), (512, 16))
+PEAK_SHAPES = ((128, 32), (256, 32), (512, 16), (1024, 8))
 """Channels, and cells a side."""
 FORMATS = (("default", True, True), ("contiguous", True, False), ("float32", False, True))
 """Name, whether in bfloat16, whether channels_last."""

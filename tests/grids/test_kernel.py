@@ -68,6 +68,17 @@ def test_more_frames_than_are_tried_at_first():
     assert (found != NONE).any()
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_frames_closer_together_than_the_queries_that_are_asked_together(dimension):
+    """Queries share candidates by place; where frames crowd, what is near to one of them is not near to all."""
+    rng = np.random.default_rng(0)
+    frames = random_frames(rng, 3000, dimension, False, spread=0.6, one_scale=True)
+    queries = rng.uniform(-0.6, 0.6, (150, dimension))
+    found = FrameIndex(frames).holding(queries, 5)
+    for query, row in zip(queries, found, strict=True):
+        np.testing.assert_array_equal(row, np.argsort(np.linalg.norm(frames.centre - query, axis=1))[:5])  # every box holds all
+
+
 def test_more_grids_asked_for_than_there_are():
     frames = random_frames(np.random.default_rng(0), 3, 2, False, spread=0.1, one_scale=True)
     found = FrameIndex(frames).holding(np.zeros((1, 2)), 8)

@@ -68,11 +68,19 @@ def test_a_run_leaves_a_checkpoint_that_maps(finished, room):
     assert np.isfinite(mapper.predict_proba(room.voxels.points)).all()
 
 
-def test_the_checkpoint_has_the_best_weights_not_the_last(finished):
-    settings, path = finished
-    saved = torch.load(f"{settings.output}/checkpoints/best.ckpt", weights_only=True)
-    network = Reconstructor.load(path).network.state_dict()
-    assert all(torch.equal(value, saved["state_dict"][f"network.{name}"]) for name, value in network.items())
+def test_the_checkpoint_has_the_best_weights_not_the_last(finished, tmp_path, monkeypatch):
+    """Validation is made to say that the first epoch was the better one."""
+
+    def validation_step(self, batch, number):
+        self.log("val/gap_nll", float(self.current_epoch))
+
+    monkeypatch.setattr(ReconstructionModule, "validation_step", validation_step)
+    found = Reconstructor.load(train(replace(finished[0], output=str(tmp_path / "worse"))))
+    assert (found.card["epoch"], found.card["steps"]) == (0, 4)
+    states = [torch.load(tmp_path / "worse" / "checkpoints" / name, weights_only=True)["state_dict"] for name in ("best.ckpt", "last.ckpt")]
+    network = found.network.state_dict()
+    same = [all(torch.equal(value, state[f"network.{name}"]) for name, value in network.items()) for state in states]
+    assert same == [True, False]
 
 
 @pytest.mark.parametrize("error", [RuntimeError("the machine went away"), KeyboardInterrupt()], ids=["lost", "ctrl-c"])

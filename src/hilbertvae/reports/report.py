@@ -19,7 +19,7 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.canvas import save_picture
 from hilbertvae.reports.cluster_pictures import gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
 from hilbertvae.reports.paper_table import paper_table
-from hilbertvae.reports.provenance import provenance
+from hilbertvae.reports.provenance import git_state, provenance
 from hilbertvae.reports.result_json import write_result
 from hilbertvae.reports.score_pictures import precision_recall_picture, reliability_picture
 from hilbertvae.reports.score_table import markdown_scores, print_scores
@@ -41,6 +41,7 @@ class Report:
     def __init__(self, folder: str | Path, config: dict, identity: dict | None = None, seeds: dict | None = None, pictures: bool = True):
         self.folder, self.config, self.identity, self.seeds, self.pictures = Path(folder), config, identity, seeds, pictures
         self.started = time.perf_counter()
+        self.git = git_state(Path(__file__).parent)  # now: the tree may change while a network trains
         self.sites: list[tuple[Site, str]] = []
         self.data: dict[str, str] = {}
         self.failed: dict[str, str] = {}
@@ -50,6 +51,7 @@ class Report:
         folder = self.folder / site.name.replace(":", "-") if self.written else self.folder
         seconds = {"until_scored": time.perf_counter() - self.started}
         about = provenance(self.config, identity=self.identity, data=self.data, seeds=self.seeds, seconds=seconds)
+        about["git"] = self.git
         self.written.append(write_result(folder / "result.json", result, about))
         with atomic(folder / "scores.md") as temporary:
             temporary.write_text(f"{markdown_scores(result)}\n\n{paper_table(result)}\n", encoding="utf-8")

@@ -71,7 +71,8 @@ class GridsDataModule(L.LightningDataModule):
         settings, data = self.settings, self.settings.data
         jobs = [(name, seed) for name in data.train for seed in range(settings.clustering.clusterings)]
         simulated = [f"simulated:{number}" for number in range(data.simulated)]
-        jobs += [(name, seed) for name in simulated for seed in range(data.simulated_clusterings)]
+        # From 1 on, since clustering 0 turns nothing: a simulated building stands square, and few real ones do.
+        jobs += [(name, seed) for name in simulated for seed in range(1, data.simulated_clusterings + 1)]
         # The validation site's clusterings turn nothing: it is seen as it will be mapped.
         validation = [(data.validate, seed) for seed in (1_000_001, 1_000_002)]
         built = build_all(jobs + validation, settings)
