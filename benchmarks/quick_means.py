@@ -2,7 +2,7 @@
 
     python benchmarks/quick_means.py [--quick]
 
-The cloud is uniform in a square, 16 points per square metre: the plainest one, with a potential near METHOD 2's (random 25 932,
+The cloud is uniform in a square, 12.5 points per square metre: the plainest one, with potentials near METHOD 2's (random 25 932,
 Quick-Means 23 356, k-means++ 22 326 m^2 for 1e5 points and about 4.9k clusters), which a cloud of walls (random seeds 1.5 times
 k-means++'s) or of a volume (1.04 times) has not. All methods get as many clusters as Quick-Means found.
 """
@@ -17,8 +17,8 @@ from sklearn.cluster import KMeans, kmeans_plusplus
 
 from hilbertvae.clusters.quick_means import quick_means
 
-POINTS_PER_M2 = 16.0
-INNER_RADIUS_M = 0.886
+POINTS_PER_M2 = 12.5
+INNER_RADIUS_M = 1.0
 """Of 1e5 points it makes about 4.9k clusters."""
 OUTER_RADIUS_M = INNER_RADIUS_M / 0.55
 LLOYD_ITERATIONS = 5

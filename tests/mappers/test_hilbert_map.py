@@ -20,7 +20,8 @@ FEATURES = 13
 
 def learned(neighbours=5, seed=0):
     rng = np.random.default_rng(seed)
-    return RankWeights(rng.uniform(0.1, 1, neighbours + 1), rng.uniform(-0.3, 0.3, FEATURES + 2)).plain()
+    grids = rng.uniform(0.1, 1, neighbours + 1)
+    return RankWeights(grids, rng.uniform(-0.3, 0.3, FEATURES + 2), grids).plain()
 
 
 def reconstructor(dimension=2):
@@ -131,9 +132,11 @@ def test_each_query_is_answered_alone(fitted, seed, count, pieces):
     np.testing.assert_array_equal(np.concatenate(parts), whole)
 
 
-def test_answers_do_not_depend_on_the_chunk(fitted, monkeypatch):
+@pytest.mark.parametrize("far_m", [[], [1e9]], ids=["near", "and-far"])
+def test_answers_do_not_depend_on_the_chunk(fitted, monkeypatch, far_m):
     mapper, place = fitted
-    queries = np.concatenate([place.voxels.points[::5], np.full((1, place.dimension), 1e9)])
+    queries = np.concatenate([place.voxels.points[::5], np.full((len(far_m), place.dimension), np.reshape(far_m, (-1, 1)))])
+    queries = queries[np.random.default_rng(0).permutation(len(queries))]
     whole = mapper.predict_proba(queries)
     monkeypatch.setattr(type(mapper), "chunk", 97)
     np.testing.assert_array_equal(mapper.predict_proba(queries), whole)

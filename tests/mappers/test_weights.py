@@ -69,7 +69,7 @@ def random_features(seed=0, count=60, ranks=3, kinds=4):
 def test_the_logit_query_by_query():
     values, held, seen, evidence = random_features()
     rng = np.random.default_rng(1)
-    weights = RankWeights(rng.normal(size=4), rng.normal(size=6))
+    weights = RankWeights(rng.normal(size=4), rng.normal(size=6), rng.normal(size=4))
     found = weights.logit(values, held, seen, evidence)
     row = 0
     for q in range(len(values)):
@@ -87,7 +87,7 @@ def test_the_logit_query_by_query():
 
 def test_a_logit_is_a_querys_own():
     values, held, seen, evidence = random_features(count=200)
-    weights = RankWeights(*(np.random.default_rng(1).normal(size=n) for n in (4, 6)))
+    weights = RankWeights(*(np.random.default_rng(1).normal(size=n) for n in (4, 6, 4)))
     whole = weights.logit(values, held, seen, evidence)
     row = np.cumsum(seen) - 1
     for q in range(len(values)):
@@ -106,7 +106,7 @@ def test_unit_weights_sum_kernel_values_and_add_the_log_odds():
 
 
 def test_plain_and_back_through_json():
-    weights = RankWeights(np.array([1 / 3, 0.1, -0.2]), np.array([2e-17, 1e5]))
+    weights = RankWeights(np.array([1 / 3, 0.1, -0.2]), np.array([2e-17, 1e5]), np.array([0.1]))
     found = RankWeights.from_plain(json.loads(json.dumps(weights.plain())))
     np.testing.assert_array_equal(found.unseen, weights.unseen)
     np.testing.assert_array_equal(found.seen, weights.seen)
@@ -119,7 +119,7 @@ def test_rank_weights_are_found_again():
     values, held = rng.normal(size=(count, ranks)), np.full(count, ranks)
     seen = rng.random(count) < 0.5
     evidence = rng.normal(size=(seen.sum(), 2))
-    true = RankWeights(np.array([1.2, 0.6, 0.0, -0.4]), np.array([1.5, -0.7, 0.5, 0.3]))
+    true = RankWeights(np.array([1.2, 0.6, 0.0, -0.4]), np.array([1.5, -0.7, 0.5, 0.3]), np.zeros(4))
     occupied = rng.random(count) < 1 / (1 + np.exp(-true.logit(values, held, seen, evidence)))
     found = fit_rank_weights(values, held, seen, evidence, occupied)
     np.testing.assert_allclose(found.unseen, true.unseen, atol=0.1)

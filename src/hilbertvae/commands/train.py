@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 
 import hydra
@@ -33,8 +33,19 @@ store.store(group="network", name="paper_schema", node=PaperNetworkSettings)
 def to_settings(config: DictConfig) -> Settings:
     """The configuration as plain dataclasses, checked."""
     settings = OmegaConf.to_object(config)
+    _refuse_unknown(settings, "")
     settings.check()
     return settings
+
+
+def _refuse_unknown(node: object, path: str) -> None:
+    """Hydra's `+key=value` adds a key to a typed node without complaint; no setting that nothing reads is let through."""
+    known = {part.name for part in fields(node)}
+    for name, value in vars(node).items():
+        if name not in known:
+            raise InputError(f"{path}{name}: unknown key; expected one of {', '.join(sorted(known))}")
+        if is_dataclass(value):
+            _refuse_unknown(value, f"{path}{name}.")
 
 
 def run(settings: Settings) -> int:

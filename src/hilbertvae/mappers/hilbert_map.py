@@ -97,7 +97,9 @@ class HilbertMap(Mapper):
         weights = RankWeights.from_plain(learned[self.calibration])
         if len(weights.unseen) != self.neighbours + 1:
             raise InputError(f"neighbours: the weights were learned for {len(weights.unseen) - 1}, got {self.neighbours}")
-        return weights
+        if len(weights.seen) != self.evidence_.feature_count + 2:
+            raise InputError("checkpoint: the Hilbert Map's weights were learned by another version; train again")
+        return weights if self.evidence else weights.grids_alone()
 
     def _reconstruct(self, grids: np.ndarray) -> np.ndarray:
         if self.reconstructor is None:

@@ -22,11 +22,17 @@ class RankWeights:
 
     unseen: (K + 1,) where nothing was observed: w_r of the r-th nearest grid's kernel value, and a constant for being in any box.
     seen: (F + 2,) in an observed voxel: the evidence's features, the mean kernel value, and a constant.
+    everywhere: (K + 1,), like `unseen`, for a map that knows its grids alone, as the paper's does.
     There is no intercept outside of all boxes: where nothing is known, p is 0.5.
     """
 
     unseen: np.ndarray
     seen: np.ndarray
+    everywhere: np.ndarray
+
+    def grids_alone(self) -> RankWeights:
+        """The weights of a map without evidence."""
+        return RankWeights(self.everywhere, self.seen, self.everywhere)
 
     def logit(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
         """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, and `evidence (S, F)` of those `seen (Q,)`."""
@@ -37,12 +43,15 @@ class RankWeights:
 
     def plain(self) -> dict:
         """As lists, for JSON."""
-        return {"unseen": self.unseen.tolist(), "seen": self.seen.tolist()}
+        return {name: getattr(self, name).tolist() for name in ("unseen", "seen", "everywhere")}
 
     @classmethod
     def from_plain(cls, plain: dict) -> RankWeights:
-        """The inverse of `plain`."""
-        return cls(np.asarray(plain["unseen"], float), np.asarray(plain["seen"], float))
+        """The inverse of `plain`; an `InputError` for weights of another version."""
+        try:
+            return cls(*(np.asarray(plain[name], float) for name in ("unseen", "seen", "everywhere")))
+        except KeyError as error:
+            raise InputError(f"checkpoint: the Hilbert Map's weights lack {error}; they were learned by another version") from error
 
 
 def seen_features(values: np.ndarray, held: np.ndarray, evidence: np.ndarray) -> np.ndarray:
@@ -55,20 +64,21 @@ def unit_weights(nearest: int, evidence_features: int) -> RankWeights:
     """w = 1 for every grid, as in the author's real-time code; in an observed voxel the evidence's own log-odds is added."""
     seen = np.zeros(evidence_features + 2)
     seen[0], seen[-2] = 1.0, 1.0
-    return RankWeights(np.append(np.ones(nearest), 0.0), seen)
+    grids = np.append(np.ones(nearest), 0.0)
+    return RankWeights(grids, seen, grids)
 
 
 def fit_rank_weights(values, held, seen, evidence, occupied) -> RankWeights:
     """Rank weights from queries with known labels: kernel weights non-negative, the rest free, a light ridge for R(w)."""
-    unseen = ~seen & (held > 0)
+    unseen, inside = ~seen & (held > 0), held > 0
     if not unseen.any() or not seen.any():
         raise InputError("rank weights: expected queries both in gaps and in observed voxels")
     ranks = values.shape[1]
-    features = np.column_stack([values[unseen], np.ones(np.count_nonzero(unseen))])
-    in_gaps = fit_logistic(features, occupied[unseen], nonnegative=np.arange(ranks))
+    features = np.column_stack([values, np.ones(len(values))])
+    in_gaps, everywhere = (fit_logistic(features[some], occupied[some], nonnegative=np.arange(ranks)) for some in (unseen, inside))
     features = seen_features(values[seen], held[seen], evidence)
     observed = fit_logistic(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]))
-    return RankWeights(in_gaps, observed)
+    return RankWeights(in_gaps, observed, everywhere)
 
 
 def fit_cluster_weights(values, holding, offset, rank_weights: np.ndarray, occupied, clusters: int, ridge: float) -> np.ndarray:

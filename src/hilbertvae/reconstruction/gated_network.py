@@ -27,9 +27,9 @@ class GatedNetworkSettings:
     kind: str = "gated"
     stem: int = 4
     """Cells of the grid, along an axis, that one cell of the first level covers."""
-    channels: list[int] = field(default_factory=lambda: [96, 160, 256])
+    channels: list[int] = field(default_factory=lambda: [64, 128, 192])
     """One level per entry; each halves the resolution of the one before."""
-    blocks: list[int] = field(default_factory=lambda: [2, 2, 4])
+    blocks: list[int] = field(default_factory=lambda: [2, 2, 2])
     """Residual blocks on the way down per level; the last level's are the bottom's."""
     latent: int = 64
     variational: bool = True

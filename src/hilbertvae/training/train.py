@@ -49,9 +49,11 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     L.seed_everything(settings.seed, verbose=False)
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)  # its tips and device lists, twice under Hydra
     resume = _last_epoch(output, settings)
-    checkpoints = ModelCheckpoint(output / "checkpoints", "best", save_last=True, enable_version_counter=False, **BEST)
+    best = ModelCheckpoint(output / "checkpoints", "best", enable_version_counter=False, **BEST)
+    # One of its own: `save_last` writes only where an epoch was the best so far, and a resumed run would go back to that.
+    last = ModelCheckpoint(output / "checkpoints", "last", enable_version_counter=False)
     after_fit = HilbertMapCallback(settings, mappers or {}, write)
-    callbacks = [checkpoints, after_fit, LearningRateMonitor("step"), TQDMProgressBar(refresh_rate=10)]
+    callbacks = [best, last, after_fit, LearningRateMonitor("step"), TQDMProgressBar(refresh_rate=10)]
     if settings.trainer.patience_epochs:
         callbacks.append(EarlyStopping(patience=settings.trainer.patience_epochs, check_finite=True, **BEST))
     with warnings.catch_warnings():

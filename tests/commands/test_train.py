@@ -1,0 +1,123 @@
+"""The command on every configuration that is shipped, with `debug=fast`, and its errors."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_dir
+from hydra.errors import ConfigCompositionException
+from omegaconf import OmegaConf
+
+from hilbertvae.checks import InputError
+from hilbertvae.commands.build import build_mappers
+from hilbertvae.commands.train import CONF, run, to_settings
+from hilbertvae.mappers.loading import load_mapper
+from hilbertvae.mappers.nearest import NearestMapper
+from hilbertvae.reports.result_json import read_result
+
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+def names(group: str) -> list[str]:
+    return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
+
+
+def settings_of(*overrides: str):
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return to_settings(compose("config", overrides=list(overrides)))
+
+
+def fast(tmp_path: Path, *overrides: str):
+    """Settings of a run in seconds, in a folder of its own."""
+    folder = [f"output={tmp_path / 'run'}", f"data.cache={tmp_path / 'cache'}", "trainer.threads=1"]
+    return settings_of("debug=fast", *folder, *overrides)
+
+
+@pytest.fixture(autouse=True)
+def _simulator():
+    pytest.importorskip("embreex")
+
+
+class TestEveryConfiguration:
+    @pytest.mark.parametrize("network", names("network"))
+    def test_network_trains(self, network, tmp_path):
+        settings = fast(tmp_path, f"network={network}", "grid.cells=64", "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false")
+        assert run(settings) == 0
+        found, _ = read_result(tmp_path / "run/result.json")
+        assert set(found.scores) == {"cvae-hm"}
+
+    @pytest.mark.parametrize("experiment", names("experiment"))
+    def test_experiment_runs(self, experiment, tmp_path):
+        settings = fast(tmp_path, f"experiment={experiment}", "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false")
+        assert run(settings) == 0
+
+    def test_every_mapper_is_scored_in_one_run_and_the_report_is_whole(self, tmp_path, capsys):
+        settings = fast(tmp_path, f"mapper=[{','.join(names('mapper'))}]")
+        assert run(settings) == 0
+        found, about = read_result(tmp_path / "run/result.json")
+        assert set(found.scores) == set(names("mapper"))
+        assert found.gap_seeds == [0] and about["config"]["name"] == "run"
+        pictures = {path.stem for path in (tmp_path / "run/pictures").glob("*.png")}
+        assert pictures >= {"map", "gaps", "pipeline", "sites", "prior", "precision_recall", "reliability"}
+        assert list((tmp_path / "run/tensorboard").glob("events*"))
+        printed = capsys.readouterr().out
+        assert "tensorboard --logdir" in printed and "result.json" in printed
+        json.loads((tmp_path / "run/result.json").read_text())
+
+        mapper = load_mapper(tmp_path / "run/model.safetensors", calibration="points")
+        assert mapper.reconstructor.card["steps"] == 6
+
+    @pytest.mark.parametrize("path", sorted(CONF.rglob("*.yaml")), ids=lambda path: f"{path.parent.name}-{path.stem}")
+    def test_says_only_known_keys(self, path):
+        assert OmegaConf.load(path) is not None
+
+
+class TestNoNetwork:
+    def test_mappers_without_a_network_start_no_trainer(self, tmp_path):
+        settings = fast(tmp_path, "mapper=[nearest,all-occupied]", "pictures=false")
+        assert run(settings) == 0
+        assert not (tmp_path / "run/checkpoints").exists()
+
+
+class TestErrors:
+    @pytest.mark.parametrize("override", ["trainer.epochs=many", "grid.cells=[1]", "seed=x"])
+    def test_a_wrong_type_is_refused(self, override):
+        with pytest.raises(Exception, match=override.split("=")[0].split(".")[-1] + "|could not be converted|not a valid"):
+            settings_of(override)
+
+    @pytest.mark.parametrize("override", ["trainer.epoch=3", "+trainer.epoch=3", "network.latents=3", "+network.latents=3"])
+    def test_an_unknown_key_is_refused(self, override):
+        with pytest.raises((ConfigCompositionException, Exception), match="epoch|latents"):
+            settings_of(override)
+
+    @pytest.mark.parametrize(
+        ("overrides", "key"),
+        [
+            (["data.simulated=0"], "data.train"),
+            (["data.simulated=1", "data.test=[simulated:900001]"], "data.test"),
+            (["data.simulated=1", "grid.inner_radius_m=9"], "grid.inner_radius_m"),
+            (["data.simulated=1", "evaluation.gap_seeds=[]"], "evaluation.gap_seeds"),
+            (["data.simulated=1", "trainer.kl_warmup_share=0.1"], "trainer.kl_warmup_share"),
+            (["data.simulated=1", "dimension=4"], "dimension"),
+        ],
+    )
+    def test_a_value_that_makes_no_run_names_its_key(self, overrides, key):
+        with pytest.raises(InputError, match=key):
+            settings_of(*overrides)
+
+    def test_a_class_from_elsewhere_is_not_built(self):
+        with pytest.raises(InputError, match="mapper.evil._target_"):
+            build_mappers({"evil": {"_target_": "os.system", "command": "true"}})
+
+    def test_a_mapper_with_an_unknown_setting_is_named(self):
+        with pytest.raises(InputError, match="mapper.nearest.*neighbors"):
+            build_mappers({"nearest": {"_target_": f"{NearestMapper.__module__}.NearestMapper", "neighbors": 3}})
+
+    def test_the_command_exits_with_2_and_one_message(self, tmp_path):
+        command = [sys.executable, "-m", "hilbertvae.train", "debug=fast", "data.test=[atlantis]", "mapper=[nearest]"]
+        done = subprocess.run([*command, f"output={tmp_path / 'run'}"], capture_output=True, text=True, check=False)
+        assert done.returncode == 2
+        assert "hilbertvae-train: site 'atlantis'" in done.stderr and "Traceback" not in done.stderr
+        assert not (tmp_path / "run/result.json").exists()
