@@ -20,8 +20,8 @@ FEATURES = 13
 
 def learned(neighbours=5, seed=0):
     rng = np.random.default_rng(seed)
-    grids = rng.uniform(0.1, 1, neighbours + 1)
-    return RankWeights(grids, rng.uniform(-0.3, 0.3, FEATURES + 2), grids).plain()
+    unseen, everywhere = rng.uniform(0.1, 1, (2, neighbours + 1))
+    return RankWeights(unseen, rng.uniform(-0.3, 0.3, FEATURES + 2), everywhere).plain()
 
 
 def reconstructor(dimension=2):
@@ -87,6 +87,7 @@ def test_answers_equal_brute_force(fitted):
 def test_without_evidence_only_grids_answer(room):
     cloud = gapped(room)
     mapper = fit(HilbertMap(reconstructor(), evidence=False), cloud)
+    np.testing.assert_array_equal(mapper.rank_weights_.unseen, learned()["everywhere"])
     queries = cloud.points[::50]
     np.testing.assert_allclose(
         mapper.predict_proba(queries)[:, 1], answers_by_loop(mapper, cloud, queries, mapper.grids_), rtol=0, atol=1e-4
@@ -190,6 +191,13 @@ def test_cluster_weights_are_fitted_without_what_is_to_be_scored(room, monkeypat
     assert removed.any() and (hidden[~removed] == whole[~removed]).all()
     assert mapper.factors_.shape == (len(mapper.frames_),) and (mapper.factors_ >= 0).all()
     assert (mapper.factors_ != 1).any()
+
+
+def test_weights_learned_by_another_version_are_named(room):
+    made = reconstructor()
+    made.weights["voxels"]["seen"].pop()
+    with pytest.raises(InputError, match="checkpoint: the Hilbert Map's weights were learned by another version"):
+        fit(HilbertMap(made), gapped(room))
 
 
 def test_parameters_and_clone():

@@ -127,6 +127,33 @@ def test_rank_weights_are_found_again():
     assert (found.unseen[:ranks] >= 0).all() and found.seen[0] >= 0 and found.seen[-2] >= 0
 
 
+def test_weights_of_grids_alone_are_fitted_on_every_query_in_a_box():
+    """Observed or not: a map without evidence has nothing else to answer with. Queries in no box teach nothing."""
+    rng = np.random.default_rng(0)
+    count, ranks = 20_000, 3
+    held = np.where(rng.random(count) < 0.2, 0, ranks)
+    values = np.where(held[:, None] > 0, rng.normal(size=(count, ranks)), 0.0)
+    seen = rng.random(count) < 0.5
+    in_gaps, observed = np.array([1.0, 0.5, 0.2, 0.3]), np.array([2.0, 1.0, 0.4, -0.5])
+    logit = np.where(seen, values @ observed[:3] + observed[3], values @ in_gaps[:3] + in_gaps[3])
+    occupied = np.where(held > 0, rng.random(count) < 1 / (1 + np.exp(-logit)), True)
+    found = fit_rank_weights(values, held, seen, np.zeros((seen.sum(), 2)), occupied)
+    inside = held > 0
+    x = np.column_stack([values[inside], np.ones(inside.sum())])
+    expected = LogisticRegression(C=np.inf, fit_intercept=False, tol=1e-10).fit(x, occupied[inside])
+    np.testing.assert_allclose(found.everywhere, expected.coef_[0], atol=5e-3)
+    np.testing.assert_allclose(found.unseen, in_gaps, atol=0.12)
+    np.testing.assert_array_equal(found.grids_alone().unseen, found.everywhere)
+
+
+@pytest.mark.parametrize("missing", ["unseen", "seen", "everywhere"])
+def test_weights_of_another_version_are_named(missing):
+    plain = unit_weights(3, 4).plain()
+    del plain[missing]
+    with pytest.raises(InputError, match=f"weights lack '{missing}'; they were learned by another version"):
+        RankWeights.from_plain(plain)
+
+
 @pytest.mark.parametrize("all_seen", [True, False])
 def test_rank_weights_need_gaps_and_observed_voxels(all_seen):
     seen = np.full(5, all_seen)
