@@ -75,7 +75,10 @@ def run(settings: Settings) -> int:
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
 def _application(config: DictConfig) -> None:
     try:
-        code = run(to_settings(config))
+        settings = to_settings(config)
+        if HydraConfig.get().mode == RunMode.MULTIRUN:
+            settings.output = HydraConfig.get().runtime.output_dir  # a folder for each job
+        code = run(settings)
     except InputError as error:
         if HydraConfig.get().mode == RunMode.MULTIRUN:
             raise

@@ -19,7 +19,7 @@ def score(occupied: np.ndarray, probability: np.ndarray) -> dict[str, float]:
     """All of `METRICS` for labels `occupied (Q,)` bool and `probability (Q,)` of being occupied.
 
     Precision: of the points called occupied (p > 0.6), how many are. Recall: of all occupied points, how many were called so; unknown
-    (0.4 < p <= 0.6) is a miss. A ratio with nothing below the line is 0, and AUC with one class only is 0.5, so that every score is a number.
+    (0.4 < p <= 0.6) is a miss. A ratio with nothing below the line is 0, and AUC with one class only is 0.5: every score is a number.
     """
     count = len(occupied)
     if not count:

@@ -58,8 +58,8 @@ def cut_site(site: Site, protocol: Protocol, seed: int) -> Gaps:
 def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper", progress=None) -> Result:
     """Fit the mapper on the gapped site once per gap seed, and score it on what was hidden and on what was not.
 
-    Every mapper gets the same `fit` points and, of a gap, neither points nor their places; one that takes a `seed` gets the gap's. `progress`,
-    if given, is called with a line of text as each seed is done.
+    Every mapper gets the same `fit` points and, of a gap, neither points nor their places; one that takes a `seed` gets the gap's.
+    `progress`, if given, is called with a line of text as each seed is done.
     """
     protocol.check()
     readings = {"points": (site.points, site.points_held_out, ~site.points_held_out)}
