@@ -10,7 +10,7 @@ import hydra
 from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import MISSING, DictConfig, OmegaConf
 
 import hilbertvae
 from hilbertvae.checks import InputError
@@ -25,7 +25,8 @@ PACKAGE = Path(hilbertvae.__file__).parent
 CONF = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parents[1] / "conf"
 
 store = ConfigStore.instance()
-store.store(name="settings_schema", node=Settings)
+# The network is missing there, so that a choice of another kind meets no default of this one.
+store.store(name="settings_schema", node=Settings(network=MISSING))
 store.store(group="network", name="gated_schema", node=GatedNetworkSettings)
 store.store(group="network", name="paper_schema", node=PaperNetworkSettings)
 

@@ -120,6 +120,9 @@ def _ask(mapper: Mapper, queries: np.ndarray, seconds: dict) -> np.ndarray:
     start = time.perf_counter()
     probability = mapper.predict_proba(queries)[:, 1]
     seconds["query_per_million"].append((time.perf_counter() - start) / max(len(queries), 1) * 1e6)
+    if not np.isfinite(probability).all():
+        wrong = np.count_nonzero(~np.isfinite(probability))
+        raise ValueError(f"{type(mapper).__name__} answered {wrong} of {len(queries)} queries with NaN")
     return probability
 
 

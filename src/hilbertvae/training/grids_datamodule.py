@@ -22,6 +22,9 @@ from hilbertvae.site import SIMULATED, read_scans
 from hilbertvae.training.settings import Settings
 
 
+VALIDATION_SEEDS = (1_000_001, 1_000_002)
+
+
 class GridPairs(Dataset):
     """Pairs (shown, target) of int8 grids, fetched a whole batch at a time."""
 
@@ -73,8 +76,7 @@ class GridsDataModule(L.LightningDataModule):
         simulated = [f"simulated:{number}" for number in range(data.simulated)]
         # From 1 on, since clustering 0 turns nothing: a simulated building stands square, and few real ones do.
         jobs += [(name, seed) for name in simulated for seed in range(1, data.simulated_clusterings + 1)]
-        # The validation site's clusterings turn nothing: it is seen as it will be mapped.
-        validation = [(data.validate, seed) for seed in (1_000_001, 1_000_002)]
+        validation = [(data.validate, seed) for seed in VALIDATION_SEEDS]
         built = build_all(jobs + validation, settings)
         self.train_pairs = GridPairs(*(np.concatenate(part) for part in zip(*built[: len(jobs)], strict=True)))
         shown, target = (np.concatenate(part) for part in zip(*built[len(jobs) :], strict=True))
@@ -116,20 +118,21 @@ def grids_hash(name: str, seed: int, settings: Settings) -> str:
         "seed": seed,
         "resolution_m": settings.resolution_m,
         "grid": asdict(settings.grid),
-        "gaps": settings.clustering.gap_diameter_m,
-        "turn": _turns(seed, settings.clustering),
+        "clustering": asdict(_clustering(seed, settings)),
     }
     return hash_of(made_of)
 
 
-def _turns(seed: int, clustering: ClusteringSettings) -> bool:
-    return clustering.turn and seed < 1_000_000
+def _clustering(seed: int, settings: Settings) -> ClusteringSettings:
+    """The validation site is seen as it will be mapped: unturned, with the evaluation's gaps, whatever training shows."""
+    if seed in VALIDATION_SEEDS:
+        return ClusteringSettings(1, [settings.evaluation.gap_diameter_m] * 2, turn=False)
+    return ClusteringSettings(1, settings.clustering.gap_diameter_m, settings.clustering.turn)
 
 
 def _build(path: Path, name: str, seed: int, settings: Settings) -> None:
     data = settings.data
     scans = read_scans(name, **data.reading())
-    clustering = ClusteringSettings(1, settings.clustering.gap_diameter_m, _turns(seed, settings.clustering))
-    pair = training_grids(scans, settings.resolution_m, settings.grid, clustering, seed)
+    pair = training_grids(scans, settings.resolution_m, settings.grid, _clustering(seed, settings), seed)
     with atomic(path) as temporary:
         np.save(temporary, np.stack(pair))

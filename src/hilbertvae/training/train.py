@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import warnings
 from dataclasses import asdict
@@ -11,9 +12,10 @@ import lightning as L
 import torch
 from lightning.pytorch.callbacks import EarlyStopping, LearningRateMonitor, ModelCheckpoint, TQDMProgressBar
 from lightning.pytorch.loggers import TensorBoardLogger
+from lightning.pytorch.plugins.io import TorchCheckpointIO
 
 from hilbertvae.checks import InputError
-from hilbertvae.files import hash_of, write_json
+from hilbertvae.files import atomic, hash_of, write_json
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.training.grids_datamodule import GridsDataModule
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback, Writer
@@ -21,6 +23,14 @@ from hilbertvae.training.reconstruction_module import ReconstructionModule
 from hilbertvae.training.settings import Settings
 
 BEST = {"monitor": "val/gap_nll", "mode": "min"}
+
+
+class AtomicCheckpoints(TorchCheckpointIO):
+    """A run that is killed while it saves still has the epoch before."""
+
+    def save_checkpoint(self, checkpoint, path, storage_options=None) -> None:
+        with atomic(path) as temporary:
+            super().save_checkpoint(checkpoint, temporary, storage_options)
 
 
 def training_hash(settings: Settings) -> str:
@@ -66,6 +76,7 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
             precision=settings.trainer.precision,
             max_epochs=settings.trainer.epochs,
             gradient_clip_val=settings.trainer.gradient_clip,
+            plugins=[AtomicCheckpoints()],
             logger=TensorBoardLogger(output, name="", version="tensorboard", default_hp_metric=False),
             callbacks=callbacks,
             log_every_n_steps=min(10, settings.trainer.steps_per_epoch),
@@ -84,8 +95,6 @@ def _last_epoch(output: Path, settings: Settings) -> Path | None:
     mark, last = output / "training.json", output / "checkpoints" / "last.ckpt"
     made_of = {"training_hash": training_hash(settings)}
     if last.exists():
-        import json
-
         found = json.loads(mark.read_text()) if mark.exists() else {}
         if found.get("training_hash") != made_of["training_hash"]:
             raise InputError(f"output: {output} holds a run with other settings; choose another `name`, or remove the folder")
