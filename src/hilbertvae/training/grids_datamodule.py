@@ -21,7 +21,6 @@ from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.site import SIMULATED, read_scans
 from hilbertvae.training.settings import Settings
 
-
 VALIDATION_SEEDS = (1_000_001, 1_000_002)
 
 
