@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test lint clean
+.PHONY: run test clean
 .DEFAULT_GOAL := run
 
 $(READY): pyproject.toml constraints.txt

@@ -63,7 +63,7 @@ def stage_seconds(stages: dict[str, tuple[object, str]]) -> Iterator[dict[str, f
 
 
 def target(what: str, wanted: str, found: float, met: bool) -> dict:
-    """One row of issue 2 or the like: a promise, and whether it was kept."""
+    """A promise, and whether it was kept."""
     return {"what": what, "wanted": wanted, "found": float(found), "met": bool(met)}
 
 

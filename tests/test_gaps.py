@@ -113,3 +113,9 @@ def test_nothing_to_put_gaps_around():
         random_gaps(cloud, 2.5, 0.1, seed=0)
     with pytest.raises(InputError, match="diameter_m: expected a positive number"):
         random_gaps(Cloud(cloud.points, ~cloud.occupied, cloud.weight), 0.0, 0.1, seed=0)
+
+
+@pytest.mark.parametrize("diameter_m", [(1.5,), (3.5, 1.5), (1.0, 2.0, 3.0)])
+def test_diameters_that_are_no_range(room, diameter_m):
+    with pytest.raises(InputError, match="gap diameters: expected one in metres, or the smallest and the largest"):
+        random_gaps(room.fit, diameter_m, 0.1, seed=0)

@@ -52,8 +52,10 @@ def random_gaps(
     A centre is moved off its point by a uniform offset within the radius: centred on the point, the distance to the centre alone
     would tell where the wall is. `centred` leaves it there. A range of diameters draws each ball's own, uniformly.
     """
-    low, high = (diameter_m, diameter_m) if np.isscalar(diameter_m) else diameter_m
-    check_positive(low, "diameter_m")
+    sizes = (diameter_m, diameter_m) if np.isscalar(diameter_m) else tuple(diameter_m)
+    if len(sizes) != 2 or sizes[0] > sizes[1]:
+        raise InputError(f"gap diameters: expected one in metres, or the smallest and the largest, got {diameter_m}")
+    low, high = (check_positive(size, "diameter_m") for size in sizes)
     if not cloud.occupied.any():
         raise InputError("cloud: expected occupied points to put gaps around, got none")
     rng = np.random.default_rng(seed)

@@ -212,6 +212,12 @@ def test_parameters_and_clone():
     assert mapper.set_params(neighbours=4).neighbours == 4
 
 
+def test_an_extent_that_no_map_can_have_is_named(room):
+    outlier = np.vstack([room.fit.points, [[1e12, 1e12]]])
+    with pytest.raises(InputError, match=r"points: extent \[.*\] m is too large for voxels of 0.1 m"):
+        HilbertMap().fit(outlier, np.append(room.fit.occupied, True))
+
+
 def test_answers_before_a_fit():
     with pytest.raises(NotFittedError):
         HilbertMap().predict_proba([[0.0, 0.0]])

@@ -1,6 +1,7 @@
 import pytest
 import torch
 
+from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment, random_balls
 from hilbertvae.reconstruction.symmetry import apply, symmetries
 
@@ -92,6 +93,20 @@ def test_the_generator_decides_alone():
         return augment(shown, target, AugmentationSettings(ball_diameter_cells=[3.0, 6.0]))[0]
 
     assert torch.equal(draw(5), draw(5)) and not torch.equal(draw(5), draw(6))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_grids_stay_on_their_device(dimension):
+    """The device without memory refuses to meet tensors of another, as a GPU does."""
+    grids = torch.zeros(20, *(8,) * dimension, dtype=torch.int8, device="meta")
+    found = augment(grids, grids, AugmentationSettings(balls=3))
+    assert [(part.device.type, part.dtype, part.shape) for part in found] == [("meta", torch.int8, grids.shape)] * 2
+
+
+@pytest.mark.parametrize("sizes", [[5.0], [7.0, 3.0], [0.0, 3.0], [1.0, 2.0, 3.0]])
+def test_sizes_that_are_no_range_are_named(sizes):
+    with pytest.raises(InputError, match="augmentation.ball_diameter_cells: expected the smallest and the largest"):
+        AugmentationSettings(ball_diameter_cells=sizes)
 
 
 def test_batches_smaller_than_the_group():

@@ -5,6 +5,7 @@ import torch
 from torch.distributions import Normal
 from torch.distributions import kl_divergence as torch_kl
 
+from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.likelihood import (
     LIKELIHOODS,
     Bernoulli,
@@ -93,3 +94,8 @@ def test_active_dimensions_counts_those_that_carry_something():
 def test_warm_up_is_a_straight_line_to_one():
     assert [kl_weight(step, 4) for step in range(6)] == [0.0, 0.25, 0.5, 0.75, 1.0, 1.0]
     assert kl_weight(0, 0) == 1.0
+
+
+def test_an_unknown_likelihood_is_named():
+    with pytest.raises(InputError, match="likelihood.kind: expected one of bernoulli, gaussian, got 'poisson'"):
+        LikelihoodSettings(kind="poisson")

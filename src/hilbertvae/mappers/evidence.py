@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 
+from hilbertvae.checks import InputError
 from hilbertvae.cloud import voxel_index
 
 FAR_VOXELS = 2.0
@@ -24,6 +25,9 @@ class Evidence:
 
     def __init__(self, points: np.ndarray, occupied: np.ndarray, weight: np.ndarray, resolution_m: float):
         self.resolution_m = resolution_m
+        extent_m = points.max(axis=0) - points.min(axis=0)
+        if np.prod(extent_m / resolution_m + 3) > 2**62:
+            raise InputError(f"points: extent {extent_m.tolist()} m is too large for voxels of {resolution_m} m; is there an outlier?")
         index = voxel_index(points, resolution_m)
         # One voxel of margin on every side, so that a neighbour's key never wraps into another row.
         self.low = index.min(axis=0) - 1

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
+from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.symmetry import apply, symmetries
 
 
 @dataclass
 class AugmentationSettings:
-    """Drawn anew for every batch; all randomness comes from torch's global generator."""
+    """Drawn anew for every batch; all randomness comes from torch's global generators."""
 
     symmetric: bool = True
     """Flip and swap the horizontal axes."""
@@ -20,6 +21,11 @@ class AugmentationSettings:
     """Gaps cut from each input on top of the clustering's: one always, each further one in half of the grids."""
     ball_diameter_cells: list[float] = field(default_factory=lambda: [10.0, 35.0])
     """Range of their diameters; at cells of 0.1 m, 1 to 3.5 m."""
+
+    def __post_init__(self):
+        sizes = self.ball_diameter_cells
+        if len(sizes) != 2 or not 0 < sizes[0] <= sizes[1]:
+            raise InputError(f"augmentation.ball_diameter_cells: expected the smallest and the largest, got {sizes}")
 
 
 def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings) -> tuple[Tensor, Tensor]:
@@ -33,22 +39,22 @@ def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings) -> tu
     for number in range(settings.balls):
         inside = random_balls(target, settings.ball_diameter_cells)
         if number:
-            inside &= (torch.rand(len(shown)) < 0.5).reshape(-1, *(1,) * (inside.ndim - 1))
+            inside &= (torch.rand(len(shown), device=inside.device) < 0.5).reshape(-1, *(1,) * (inside.ndim - 1))
         shown = torch.where(inside, 0, shown)
     return shown, target
 
 
 def random_balls(target: Tensor, diameter_cells: list[float]) -> Tensor:
     """(B, n, ..., n) bool: one ball per grid, around a random occupied cell of it, moved by a uniform offset within its radius."""
-    batch, cells, dimension = len(target), target.shape[1], target.ndim - 1
+    batch, cells, dimension, device = len(target), target.shape[1], target.ndim - 1, target.device
     low, high = diameter_cells
-    chance = torch.rand(batch, cells**dimension) * (target.flatten(1) > 0)
+    chance = torch.rand(batch, cells**dimension, device=device) * (target.flatten(1) > 0)
     centre = torch.stack(torch.unravel_index(chance.argmax(dim=1), target.shape[1:]), dim=1).float()
-    radius = (low + (high - low) * torch.rand(batch)) / 2
-    offset = torch.randn(batch, dimension)
-    offset *= (radius * torch.rand(batch) ** (1 / dimension) / offset.norm(dim=1)).unsqueeze(1)
-    along = torch.arange(cells).float()
-    squared = torch.zeros(batch, *(1,) * dimension)
+    radius = (low + (high - low) * torch.rand(batch, device=device)) / 2
+    offset = torch.randn(batch, dimension, device=device)
+    offset *= (radius * torch.rand(batch, device=device) ** (1 / dimension) / offset.norm(dim=1)).unsqueeze(1)
+    along = torch.arange(cells, device=device).float()
+    squared = torch.zeros(batch, *(1,) * dimension, device=device)
     for d in range(dimension):
         shape = [batch, *(1,) * dimension]
         shape[1 + d] = cells

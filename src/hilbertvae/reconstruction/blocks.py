@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
+
+from hilbertvae.checks import InputError
 
 CONVOLUTION = {2: nn.Conv2d, 3: nn.Conv3d}
 MAX_POOL = {2: F.max_pool2d, 3: F.max_pool3d}
@@ -35,6 +38,13 @@ def hit_free(grids: Tensor) -> Tensor:
 
 
 ENCODINGS = {"signed": (signed, 1), "hit_free": (hit_free, 2)}
+
+
+def find_encoding(name: str) -> tuple[Callable[[Tensor], Tensor], int]:
+    """What makes a network's input of int8 codes, and how many channels that has; an `InputError` for an unknown name."""
+    if name not in ENCODINGS:
+        raise InputError(f"network.encoding: expected one of {', '.join(ENCODINGS)}, got {name!r}")
+    return ENCODINGS[name]
 
 
 def group_norm(channels: int) -> nn.GroupNorm:

@@ -11,10 +11,10 @@ from torch.nn import functional as F
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.blocks import (
     CONVOLUTION,
-    ENCODINGS,
     MEAN_POOL,
     Reconstruction,
     ResidualBlock,
+    find_encoding,
     group_norm,
     spread_channels,
 )
@@ -56,7 +56,7 @@ class GatedNetwork(nn.Module):
             raise InputError(f"grid.cells: expected a multiple of {reduction} (stem and {levels} levels), got {cells}")
         self.settings, self.dimension, self.cells = settings, dimension, cells
         convolution = CONVOLUTION[dimension]
-        self.encode_input, inputs = ENCODINGS[settings.encoding]
+        self.encode_input, inputs = find_encoding(settings.encoding)
         self.stem = convolution(inputs, channels[0], settings.stem, stride=settings.stem)
         self.down = nn.ModuleList(self._level(i) for i in range(levels))
         self.shrink = nn.ModuleList(convolution(channels[i], channels[i + 1], 2, stride=2) for i in range(levels - 1))

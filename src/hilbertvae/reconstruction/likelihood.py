@@ -11,6 +11,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from hilbertvae.checks import InputError
+
 
 @dataclass
 class LikelihoodSettings:
@@ -19,6 +21,10 @@ class LikelihoodSettings:
     kind: str = "bernoulli"
     observed_weight: float = 0.2
     """Weight of cells that the input shows, beside 1 for those cut from it. The map keeps observed evidence by itself."""
+
+    def __post_init__(self):
+        if self.kind not in LIKELIHOODS:
+            raise InputError(f"likelihood.kind: expected one of {', '.join(LIKELIHOODS)}, got {self.kind!r}")
 
 
 class Bernoulli:

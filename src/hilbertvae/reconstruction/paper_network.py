@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction.blocks import CONVOLUTION, CONVOLVE_TRANSPOSED, ENCODINGS, MAX_POOL, Reconstruction
+from hilbertvae.reconstruction.blocks import CONVOLUTION, CONVOLVE_TRANSPOSED, MAX_POOL, Reconstruction, find_encoding
 
 
 @dataclass
@@ -21,6 +21,7 @@ class PaperNetworkSettings:
     channels: list[int] = field(default_factory=lambda: [64, 128, 256, 256])
     kernels: list[int] = field(default_factory=lambda: [9, 7, 5, 5])
     latent: int = 25
+    """The paper's in 2D; in 3D it has 100."""
     dropout: float = 0.8
     """Drop rate after the last encoder convolution; the paper says 0.7 and 0.8 (METHOD 4)."""
     variational: bool = True
@@ -40,7 +41,7 @@ class PaperNetwork(nn.Module):
         if cells % 2**depth:
             raise InputError(f"grid.cells: expected a multiple of {2**depth} for {depth} poolings, got {cells}")
         self.settings, self.dimension = settings, dimension
-        self.encode_input, inputs = ENCODINGS[settings.encoding]
+        self.encode_input, inputs = find_encoding(settings.encoding)
         if settings.tied and inputs != 1:
             raise InputError("network.tied: tied weights need encoding: signed, so that input and output have one channel each")
         convolution = CONVOLUTION[dimension]

@@ -90,7 +90,6 @@ class Reconstructor:
             settings = network_settings(described["network"])
             grid = GridSettings(**{**described["grid"], "frame": FrameSettings(**described["grid"]["frame"])})
             likelihood = LikelihoodSettings(**described["likelihood"])
-            LIKELIHOODS[likelihood.kind]
             network = build_network(settings, described["dimension"], grid.cells)
             network.load_state_dict(tensors)
             return cls(
@@ -103,5 +102,5 @@ class Reconstructor:
                 weights=described["weights"],
                 card=described["card"],
             )
-        except (KeyError, TypeError, AttributeError, RuntimeError, json.JSONDecodeError) as error:
+        except (InputError, KeyError, TypeError, AttributeError, RuntimeError, json.JSONDecodeError) as error:
             raise InputError(f"{path}: the checkpoint's settings and weights don't fit together ({error})") from error

@@ -69,12 +69,13 @@ class Report:
         figures = {"precision_recall": precision_recall_picture(result)}
         gaps = gaps_of(result, site, result.gap_seeds[0])
         figures["sites"] = contact_sheet([*self.sites, (site, "test")])
-        ours = next((name for name, m in mappers.items() if isinstance(getattr(m, "reconstructor", None), Reconstructor)), None)
-        rival = next((name for name in RIVALS if name in result.scores), None)
+        scored = {name: mapper for name, mapper in mappers.items() if name in result.scores}  # one that failed would fail again
+        ours = next((name for name, m in scored.items() if isinstance(getattr(m, "reconstructor", None), Reconstructor)), None)
+        rival = next((name for name in RIVALS if name in scored), None)
         shown = gaps.cut(site.fit)
         fitted = {}
         for name in filter(None, (ours, rival)):
-            mapper = mappers[name]
+            mapper = scored[name]
             if "seed" in mapper.get_params(deep=False):
                 mapper.set_params(seed=result.gap_seeds[0])
             fitted[name] = mapper.fit(shown.points, shown.occupied, shown.weight)

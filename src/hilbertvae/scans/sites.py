@@ -14,7 +14,7 @@ import pooch
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import file_sha256
-from hilbertvae.scans.carmen import read_carmen
+from hilbertvae.scans.carmen import beam_step_deg, read_carmen
 from hilbertvae.scans.scan import Scans
 
 SOURCE_2D = "https://raw.githubusercontent.com/acschaefer/ple/cfcb5a7f12a793b616357381a688cfcc26eed347/data/carmen/"
@@ -42,7 +42,7 @@ class CatalogueEntry:
     @property
     def step_deg(self) -> float:
         """Degrees between beams; the first points at -90."""
-        return 1.0 if self.beams <= 181 else 0.5
+        return beam_step_deg(self.beams)
 
 
 def _entry(name, title, file, beams, max_range_m, no_return_m, role, sha256, every=1) -> CatalogueEntry:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import Cloud, fit_cloud, voxel_index
-from hilbertvae.gaps import INSIDE, OUTSIDE, Gaps, random_gaps
+from hilbertvae.gaps import INSIDE, OUTSIDE, RIM, Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scoring.metrics import precision_recall_curve, score
@@ -76,7 +76,7 @@ def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper
         for reading, (cloud, held_out, fitted) in readings.items():
             part = gaps.part(cloud.points)
             regions = {"observed": held_out & (part == OUTSIDE), "fitted": fitted & (part == OUTSIDE), "gaps": part == INSIDE}
-            asked = np.flatnonzero(part != -1)
+            asked = np.flatnonzero(part != RIM)
             probability = np.full(len(cloud), np.nan)
             probability[asked] = _ask(mapper, cloud.points[asked], seconds)
             for region, chosen in regions.items():
