@@ -12,7 +12,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import RESOLUTION_M, Cloud, fit_cloud, points_cloud, voxel_cloud, voxel_index
 from hilbertvae.scans.carmen import read_carmen
 from hilbertvae.scans.scan import Scans
-from hilbertvae.scans.sites import read_site
+from hilbertvae.scans.sites import read_site, site_path
 from hilbertvae.simulate.building import BuildingSettings, simulate_building
 
 
@@ -88,13 +88,23 @@ def read_scans(reference: str, folder: str | None = None, download: bool = False
     Raises `InputError` for a reference that is none of these, and for files that can't be read.
     """
     if reference.startswith(SIMULATED):
-        seed = reference.removeprefix(SIMULATED)
-        if not seed.isdigit():
-            raise InputError(f"site {reference!r}: expected simulated:<seed>, a whole number")
-        return simulate_building(building or BuildingSettings(), int(seed))
+        check_site(reference)
+        return simulate_building(building or BuildingSettings(), int(reference.removeprefix(SIMULATED)))
     if reference.endswith((".log", ".log.gz")):
         return read_carmen(reference)
     return read_site(reference, folder, download)
+
+
+def check_site(reference: str, folder: str | None = None, download: bool = False, **_) -> None:
+    """Whether `read_scans` can start on a reference, before anything long is begun; fetches what is to be fetched."""
+    if reference.startswith(SIMULATED):
+        if not reference.removeprefix(SIMULATED).isdigit():
+            raise InputError(f"site {reference!r}: expected simulated:<seed>, a whole number")
+    elif reference.endswith((".log", ".log.gz")):
+        if not Path(reference).is_file():
+            raise InputError(f"{reference}: no such file; expected a CARMEN log (.log or .log.gz)")
+    else:
+        site_path(reference, folder, download)
 
 
 def open_site(reference: str, resolution_m: float = 0.0, **reading) -> Site:

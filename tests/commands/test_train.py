@@ -46,7 +46,7 @@ class TestEveryConfiguration:
         settings = fast(tmp_path, f"network={network}", "grid.cells=64", "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false")
         assert run(settings) == 0
         found, _ = read_result(tmp_path / "run/result.json")
-        assert set(found.scores) == {"cvae-hm"}
+        assert set(found.scores) == {"cae-hm" if network.endswith("cae") else "cvae-hm"}
 
     @pytest.mark.parametrize("experiment", names("experiment"))
     def test_experiment_runs(self, experiment, tmp_path):
@@ -72,6 +72,17 @@ class TestEveryConfiguration:
     @pytest.mark.parametrize("path", sorted(CONF.rglob("*.yaml")), ids=lambda path: f"{path.parent.name}-{path.stem}")
     def test_says_only_known_keys(self, path):
         assert OmegaConf.load(path) is not None
+
+    def test_a_checkpoint_is_scored_without_training(self, tmp_path):
+        assert run(fast(tmp_path, "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false")) == 0
+        again = fast(
+            tmp_path, "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false", f"checkpoint={tmp_path}/run/model.safetensors"
+        )
+        again.output = str(tmp_path / "again")
+        assert run(again) == 0
+        assert not (tmp_path / "again/checkpoints").exists()
+        first, second = (read_result(tmp_path / folder / "result.json")[0] for folder in ("run", "again"))
+        assert first.scores == second.scores
 
 
 class TestNoNetwork:

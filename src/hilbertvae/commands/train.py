@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import sys
 from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
@@ -18,6 +20,7 @@ from hilbertvae.commands.build import build_mappers
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.scans.sites import site_hashes
+from hilbertvae.site import check_site, open_site
 from hilbertvae.training.settings import Settings
 
 PACKAGE = Path(hilbertvae.__file__).parent
@@ -51,25 +54,33 @@ def _refuse_unknown(node: object, path: str) -> None:
 
 def run(settings: Settings) -> int:
     """Train if a mapper needs it, score all, write everything; the exit code."""
+    from hilbertvae.reconstruction.reconstructor import Reconstructor
     from hilbertvae.reports.report import Report
-    from hilbertvae.training.hilbert_map_callback import score
+    from hilbertvae.training.scoring import needs_training, score
     from hilbertvae.training.train import train, training_hash
 
     mappers = build_mappers(settings.mapper)
+    data = settings.data
+    sites = {**dict.fromkeys(data.train, "train"), data.validate: "validate", **dict.fromkeys(data.test, "test")}
+    training = settings.checkpoint is None and (not mappers or needs_training(mappers))
+    for reference in sites if training else data.test:
+        check_site(reference, **data.reading())
     config = asdict(settings)
-    identity = {
-        "training": training_hash(settings),
-        "mapper": settings.mapper,
-        "evaluation": config["evaluation"],
-        "test": settings.data.test,
-    }
+    evaluated = {"mapper": settings.mapper, "evaluation": config["evaluation"], "test": data.test, "checkpoint": settings.checkpoint}
+    identity = {"training": training_hash(settings), **evaluated}
     seeds = {"training": settings.seed, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
-    write = Report(settings.output, config, identity, seeds, settings.pictures)
-    write.data = site_hashes([*settings.data.train, settings.data.validate, *settings.data.test])
-    if not mappers or any(mapper.get_params(deep=False).get("reconstructor") == "trained" for mapper in mappers.values()):
+
+    def others():
+        for site, role in sites.items():
+            with contextlib.suppress(InputError):  # where nothing is trained, nobody has to have the training sites
+                if role != "test":
+                    yield open_site(site, settings.resolution_m, **data.reading()), role
+
+    write = Report(settings.output, config, identity, seeds, site_hashes(list(sites)), others, settings.pictures)
+    if training:
         train(settings, mappers, write)
     else:
-        score(settings, mappers, None, write)
+        score(settings, mappers, Reconstructor.load(settings.checkpoint) if settings.checkpoint else None, write)
     return write.close()
 
 
@@ -78,13 +89,13 @@ def _application(config: DictConfig) -> None:
     try:
         settings = to_settings(config)
         if HydraConfig.get().mode == RunMode.MULTIRUN:
-            settings.output = HydraConfig.get().runtime.output_dir  # a folder for each job
+            settings.output = os.path.relpath(HydraConfig.get().runtime.output_dir)  # a folder for each job
         code = run(settings)
-    except InputError as error:
+    except (InputError, KeyboardInterrupt) as error:
         if HydraConfig.get().mode == RunMode.MULTIRUN:
             raise
         print(f"hilbertvae-train: {error}", file=sys.stderr)
-        sys.exit(2)
+        sys.exit(2 if isinstance(error, InputError) else 130)
     if code:
         raise RuntimeError("a mapper failed; see the lines above and result.json")
 

@@ -22,7 +22,7 @@ class RankWeights:
 
     unseen: (K + 1,) where nothing was observed: w_r of the r-th nearest grid's kernel value, and a constant for being in any box.
     seen: (F + 2,) in an observed voxel: the evidence's features, the mean kernel value, and a constant.
-    everywhere: (K + 1,), like `unseen`, for a map that knows its grids alone, as the paper's does.
+    everywhere: (K + 1,), like `unseen` but with a constant of 0, for a map that knows its grids alone, as the paper's does.
     There is no intercept outside of all boxes: where nothing is known, p is 0.5.
     """
 
@@ -75,7 +75,9 @@ def fit_rank_weights(values, held, seen, evidence, occupied) -> RankWeights:
         raise InputError("rank weights: expected queries both in gaps and in observed voxels")
     ranks = values.shape[1]
     features = np.column_stack([values, np.ones(len(values))])
-    in_gaps, everywhere = (fit_logistic(features[some], occupied[some], nonnegative=np.arange(ranks)) for some in (unseen, inside))
+    in_gaps = fit_logistic(features[unseen], occupied[unseen], nonnegative=np.arange(ranks))
+    # No constant here: the paper's grids say 0 where they know nothing, and there p must be 0.5.
+    everywhere = np.append(fit_logistic(values[inside], occupied[inside], nonnegative=np.arange(ranks)), 0.0)
     features = seen_features(values[seen], held[seen], evidence)
     observed = fit_logistic(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]))
     return RankWeights(in_gaps, observed, everywhere)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -18,6 +18,7 @@ from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.canvas import save_picture
 from hilbertvae.reports.cluster_pictures import gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
+from hilbertvae.reports.comparison import occlusion_table, pairwise_table
 from hilbertvae.reports.paper_table import paper_table
 from hilbertvae.reports.provenance import git_state, provenance
 from hilbertvae.reports.result_json import write_result
@@ -38,12 +39,21 @@ class Report:
     The first site's `result.json` lies in the folder itself, any other's in a folder of the site's name.
     """
 
-    def __init__(self, folder: str | Path, config: dict, identity: dict | None = None, seeds: dict | None = None, pictures: bool = True):
+    def __init__(
+        self,
+        folder: str | Path,
+        config: dict,
+        identity: dict | None = None,
+        seeds: dict | None = None,
+        data: dict[str, str] | None = None,
+        others: Callable[[], Iterable[tuple[Site, str]]] = list,
+        pictures: bool = True,
+    ):
+        """config, identity, seeds, data: see `provenance`. others: opens further sites, with their roles, for the contact sheet."""
         self.folder, self.config, self.identity, self.seeds, self.pictures = Path(folder), config, identity, seeds, pictures
+        self.data, self.others = data or {}, others
         self.started = time.perf_counter()
         self.git = git_state(Path(__file__).parent)  # now: the tree may change while a network trains
-        self.sites: list[tuple[Site, str]] = []
-        self.data: dict[str, str] = {}
         self.failed: dict[str, str] = {}
         self.written: list[Path] = []
 
@@ -54,21 +64,22 @@ class Report:
         about["git"] = self.git
         self.written.append(write_result(folder / "result.json", result, about))
         with atomic(folder / "scores.md") as temporary:
-            temporary.write_text(f"{markdown_scores(result)}\n\n{paper_table(result)}\n", encoding="utf-8")
+            tables = [markdown_scores(result), pairwise_table(result), occlusion_table(result), paper_table(result)]
+            temporary.write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
+        print_scores(result, Console())
         figures = self._figures(result, site, mappers) if self.pictures and result.scores else {}
         for tag, figure in figures.items():
             save_picture(figure, folder / "pictures" / f"{tag}.png")
         with SummaryWriter(str(self.folder / "tensorboard")) as writer:
             write_tensorboard(writer, result, {f"{site.name}/{tag}": figure for tag, figure in figures.items()}, self.config)
         self.failed.update({f"{name} on {site.name}": why for name, why in result.failed.items()})
-        print_scores(result, Console())
         if figures:
             print(f"Pictures: {folder / 'pictures'}")
 
     def _figures(self, result: Result, site: Site, mappers: Mapping[str, Mapper]) -> dict[str, Figure]:
         figures = {"precision_recall": precision_recall_picture(result)}
         gaps = gaps_of(result, site, result.gap_seeds[0])
-        figures["sites"] = contact_sheet([*self.sites, (site, "test")])
+        figures["sites"] = contact_sheet([*self.others(), (site, "test")])
         scored = {name: mapper for name, mapper in mappers.items() if name in result.scores}  # one that failed would fail again
         ours = next((name for name, m in scored.items() if isinstance(getattr(m, "reconstructor", None), Reconstructor)), None)
         rival = next((name for name in RIVALS if name in scored), None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 
 import lightning as L
@@ -13,7 +14,7 @@ from rich.progress import track
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset, Sampler
 
-from hilbertvae import __version__
+import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.files import atomic, file_sha256, hash_of
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
@@ -40,8 +41,8 @@ class GridPairs(Dataset):
 class EpochBatches(Sampler):
     """`steps` batches, drawn from (seed, epoch): a checkpoint has no random state, and a resumed epoch must not replay another's."""
 
-    def __init__(self, count: int, batch_size: int, steps: int, seed: int):
-        self.count, self.batch_size, self.steps, self.seed = count, batch_size, steps, seed
+    def __init__(self, count: int, batch_size: int, steps: int, seed: int, rank: int = 0):
+        self.count, self.batch_size, self.steps, self.seed, self.rank = count, batch_size, steps, seed, rank
         self.epoch = 0
 
     def set_epoch(self, epoch: int) -> None:
@@ -52,7 +53,7 @@ class EpochBatches(Sampler):
         return self.steps
 
     def __iter__(self):
-        rng = np.random.default_rng([self.seed, self.epoch])
+        rng = np.random.default_rng([self.seed, self.epoch, self.rank])
         wanted = self.steps * self.batch_size
         order = np.concatenate([rng.permutation(self.count) for _ in range(-(-wanted // self.count))])
         yield from order[:wanted].reshape(self.steps, self.batch_size).tolist()
@@ -86,7 +87,8 @@ class GridsDataModule(L.LightningDataModule):
 
     def train_dataloader(self) -> DataLoader:
         trainer = self.settings.trainer
-        batches = EpochBatches(len(self.train_pairs), trainer.batch_size, trainer.steps_per_epoch, self.settings.seed)
+        rank = self.trainer.global_rank if self.trainer else 0
+        batches = EpochBatches(len(self.train_pairs), trainer.batch_size, trainer.steps_per_epoch, self.settings.seed, rank)
         return DataLoader(self.train_pairs, sampler=batches, batch_size=None)
 
     def val_dataloader(self) -> DataLoader:
@@ -111,7 +113,8 @@ def build_all(jobs: list[tuple[str, int]], settings: Settings) -> list[tuple[np.
 def grids_hash(name: str, seed: int, settings: Settings) -> str:
     """What names a cache file: all that its grids depend on."""
     made_of = {
-        "version": __version__,
+        "version": hilbertvae.__version__,
+        "code": code_hash(),
         "site": asdict(CATALOGUE[name]) if name in CATALOGUE else file_sha256(name) if Path(name).is_file() else name,
         "building": asdict(settings.data.reading()["building"]) if name.startswith(SIMULATED) else None,
         "seed": seed,
@@ -120,6 +123,15 @@ def grids_hash(name: str, seed: int, settings: Settings) -> str:
         "clustering": asdict(_clustering(seed, settings)),
     }
     return hash_of(made_of)
+
+
+@cache
+def code_hash() -> str:
+    """The hash of the sources that grids come from, so that a cache never outlives the code that filled it."""
+    folder = Path(hilbertvae.__file__).parent
+    parts = ["cloud.py", "gaps.py", "bucket_index.py", "scans", "simulate", "clusters", "grids"]
+    files = sorted(file for part in parts for file in ([folder / part] if part.endswith(".py") else (folder / part).glob("*.py")))
+    return hash_of([file.read_text(encoding="utf-8") for file in files])
 
 
 def _clustering(seed: int, settings: Settings) -> ClusteringSettings:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import lightning as L
@@ -12,12 +11,9 @@ from hilbertvae.mappers.calibration import learn_rank_weights
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.scoring.protocol import evaluate_all
-from hilbertvae.scoring.result import Result
-from hilbertvae.site import Site, open_site
+from hilbertvae.site import open_site
+from hilbertvae.training.scoring import Writer, score
 from hilbertvae.training.settings import Settings
-
-Writer = Callable[[Result, Site, dict[str, Mapper]], None]
 
 
 class HilbertMapCallback(L.Callback):
@@ -25,21 +21,18 @@ class HilbertMapCallback(L.Callback):
 
     def __init__(self, settings: Settings, mappers: dict[str, Mapper], write: Writer | None):
         self.settings, self.mappers, self.write = settings, mappers, write
-        self.checkpoint: Path | None = None
+        self.checkpoint = Path(settings.output) / "model.safetensors"
 
     def on_fit_end(self, trainer: L.Trainer, module: L.LightningModule) -> None:
-        if trainer.interrupted:
+        if trainer.interrupted or not trainer.is_global_zero:
             return
-        self.checkpoint = Path(self.settings.output) / "model.safetensors"
-        if not trainer.is_global_zero:
-            return
+        settings = self.settings
         reconstructor = self._best(trainer, module)
-        site = self._site(self.settings.data.validate)
-        hilbert_map = HilbertMap(reconstructor)
-        diameter_m = self.settings.evaluation.gap_diameter_m
-        reconstructor.weights = learn_rank_weights(hilbert_map, site, diameter_m, self.settings.calibration_seeds)
+        site = open_site(settings.data.validate, settings.resolution_m, **settings.data.reading())
+        diameter_m = settings.evaluation.gap_diameter_m
+        reconstructor.weights = learn_rank_weights(HilbertMap(reconstructor), site, diameter_m, settings.calibration_seeds)
         reconstructor.save(self.checkpoint)
-        score(self.settings, self.mappers, reconstructor, self.write)
+        score(settings, self.mappers, reconstructor, self.write)
 
     def _best(self, trainer: L.Trainer, module: L.LightningModule) -> Reconstructor:
         settings = self.settings
@@ -54,27 +47,5 @@ class HilbertMapCallback(L.Callback):
             "steps": saved["global_step"],
             "seed": settings.seed,
         }
-        return Reconstructor(
-            network, settings.network, settings.likelihood, settings.grid, settings.dimension, settings.resolution_m, card=card
-        )
-
-    def _site(self, reference: str) -> Site:
-        return open_settings_site(reference, self.settings)
-
-
-def open_settings_site(reference: str, settings: Settings) -> Site:
-    """A site as the settings say to read it."""
-    return open_site(reference, settings.resolution_m, **settings.data.reading())
-
-
-def score(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconstructor | None, write: Writer | None) -> None:
-    """Every mapper on every test site; those that take a `reconstructor` and name none get this one."""
-    for mapper in mappers.values():
-        parameters = mapper.get_params(deep=False)
-        if reconstructor is not None and parameters.get("reconstructor", "none") == "trained":
-            mapper.set_params(reconstructor=reconstructor)
-    for reference in settings.data.test if mappers else []:
-        site = open_settings_site(reference, settings)
-        result = evaluate_all(mappers, site, settings.evaluation, progress=print)
-        if write:
-            write(result, site, mappers)
+        grid, likelihood = settings.grid, settings.likelihood
+        return Reconstructor(network, settings.network, likelihood, grid, settings.dimension, settings.resolution_m, card=card)

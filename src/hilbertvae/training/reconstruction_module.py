@@ -31,7 +31,7 @@ class ReconstructionModule(L.LightningModule):
 
     def training_step(self, batch: tuple[Tensor, Tensor], number: int) -> Tensor:
         trainer = self.settings.trainer
-        torch.manual_seed(hash((self.settings.seed, self.global_step)) % 2**63)
+        torch.manual_seed(hash((self.settings.seed, self.global_step, self.global_rank)) % 2**63)
         shown, target = augment(*batch, self.settings.augmentation)
         found = self.network(shown)
         fit = self.likelihood(found.output, target, shown).mean()
@@ -59,6 +59,8 @@ class ReconstructionModule(L.LightningModule):
         # Early stop and best weights go by this: gaps are what the network is for, and what it overfits on.
         value = self.likelihood.kernel_value(found.output)
         probability = torch.sigmoid(value) if self.settings.likelihood.kind == "bernoulli" else (value + 1) / 2
+        if not removed.any():
+            return
         gap = F.binary_cross_entropy(probability[removed].clamp(1e-4, 1 - 1e-4), (target[removed] > 0).float())
         self.log("val/gap_nll", gap, prog_bar=True, batch_size=int(removed.sum()))
 

@@ -14,6 +14,8 @@ from hilbertvae.reconstruction.likelihood import LikelihoodSettings
 from hilbertvae.scoring.protocol import Protocol
 from hilbertvae.simulate.building import BuildingSettings
 
+PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "64-true")
+
 
 @dataclass
 class DataSettings:
@@ -92,6 +94,8 @@ class Settings:
     mapper: dict[str, Any] = field(default_factory=dict)
     """What is scored: by name, `_target_` and settings of an estimator."""
     pictures: bool = True
+    checkpoint: str | None = None
+    """Score this `model.safetensors` instead of training."""
 
     def check(self) -> None:
         """An `InputError` that names the key for the first value that makes no run."""
@@ -102,6 +106,11 @@ class Settings:
         self.evaluation.check()
         if not self.data.train and not self.data.simulated:
             raise InputError("data.train: expected at least one site, or data.simulated buildings, got neither")
+        extent = self.data.simulated_extent_m
+        if len(extent) != 2 or not 6 <= extent[0] <= extent[1]:
+            raise InputError(f"data.simulated_extent_m: expected two lengths from 6 on, the shorter first, got {extent}")
+        if self.trainer.precision not in PRECISIONS:
+            raise InputError(f"trainer.precision: expected one of {', '.join(PRECISIONS)}, got {self.trainer.precision!r}")
         trained = {*self.data.train, *(f"simulated:{number}" for number in range(self.data.simulated))}
         if self.data.validate in trained:
             raise InputError(f"data.validate: {self.data.validate!r} is also trained on")

@@ -18,8 +18,9 @@ from hilbertvae.checks import InputError
 from hilbertvae.files import atomic, hash_of, write_json
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.training.grids_datamodule import GridsDataModule
-from hilbertvae.training.hilbert_map_callback import HilbertMapCallback, Writer
+from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
 from hilbertvae.training.reconstruction_module import ReconstructionModule
+from hilbertvae.training.scoring import Writer
 from hilbertvae.training.settings import Settings
 
 BEST = {"monitor": "val/gap_nll", "mode": "min"}
@@ -36,8 +37,10 @@ class AtomicCheckpoints(TorchCheckpointIO):
 def training_hash(settings: Settings) -> str:
     """The hash of what can change a trained network: not of paths, devices, or what is scored afterwards."""
     made_of = asdict(settings)
-    for key in ("name", "output", "mapper", "pictures", "evaluation"):
+    for key in ("name", "output", "mapper", "pictures", "checkpoint"):
         made_of.pop(key)
+    for key in ("gap_seeds", "centred", "occlusion"):  # the gaps' size stays: the best weights are chosen with it
+        made_of["evaluation"].pop(key)
     for key in ("folder", "download", "cache", "test"):
         made_of["data"].pop(key)
     for key in ("accelerator", "devices"):
@@ -84,9 +87,10 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
             use_distributed_sampler=False,
             enable_model_summary=False,
         )
-        trainer.fit(ReconstructionModule(settings), GridsDataModule(settings), ckpt_path=resume, weights_only=True)
-    if after_fit.checkpoint is None:
-        raise KeyboardInterrupt(f"training was interrupted; the same command goes on from the last epoch in {output}")
+        try:
+            trainer.fit(ReconstructionModule(settings), GridsDataModule(settings), ckpt_path=resume, weights_only=True)
+        except SystemExit:  # Lightning's answer to Ctrl-C
+            raise KeyboardInterrupt(f"training was interrupted; the same command goes on from the last epoch in {output}") from None
     return after_fit.checkpoint
 
 

@@ -1,0 +1,54 @@
+"""What the main table leaves out, as Markdown: methods compared pairwise per gap seed, and real occlusion by distance (METHOD 7)."""
+
+from __future__ import annotations
+
+from hilbertvae.reports.score_table import markdown, percent
+from hilbertvae.scoring.result import Result
+
+HEADLINES = (("points", "f1", "F1 at the cut"), ("points", "auc", "AUC"), ("voxels", "best_f1", "best F1"), ("voxels", "auc", "AUC"))
+"""Reading, metric and name of what methods are compared by, inside gaps."""
+CHAMPIONS = {"points": ("cvae-hm-points", "cae-hm-points", "cvae-hm-paper", "cae-hm-paper"), "voxels": ("cvae-hm", "cae-hm")}
+"""By reading, the row that stands for the run's network: the first of these that was scored; each is calibrated for its reading."""
+NOT_RIVALS = ("cvae-hm", "cvae-hm-points", "cae-hm", "cae-hm-points", "cvae-hm-paper", "cae-hm-paper", "gap-centre")
+
+
+def pairwise_table(result: Result) -> str:
+    """For each baseline, in how many gap seeds the network's map is better inside gaps, and by how much on average, in points."""
+    seeds = len(result.gap_seeds)
+    header = ["in gaps, against"]
+    columns = []
+    for reading, metric, title in HEADLINES:
+        champion = next((name for name in CHAMPIONS[reading] if name in result.scores), None)
+        if champion is not None:
+            header.append(f"`{champion}`, {reading}, {title}")
+            columns.append((champion, reading, metric))
+    rows = []
+    for rival in result.scores:
+        if rival in NOT_RIVALS:
+            continue
+        row = [rival]
+        for champion, reading, metric in columns:
+            ours, theirs = (result.scores[name][reading]["gaps"][metric] for name in (champion, rival))
+            differences = [100 * (a - b) for a, b in zip(ours, theirs, strict=True)]
+            row.append(f"{sum(d > 0 for d in differences)} of {seeds}, {sum(differences) / seeds:+.1f}")
+        rows.append(row)
+    return markdown(header, rows) if rows and columns else ""
+
+
+def occlusion_table(result: Result) -> str:
+    """AUC, and NLL beside that of a constant base rate, in what only the left-out scans saw, by distance from the nearest point kept."""
+    regions = sorted({region for readings in result.scores.values() for region in readings.get("voxels", {}) if "occluded" in region})
+    if not regions:
+        return ""
+    rows = []
+    for name, readings in result.scores.items():
+        found = readings["voxels"]
+        if regions[0] in found:
+            rows.append([name, *(f"{percent(found[region]['auc'])}; {_mean(found[region]['nll']):.3f}" for region in regions)])
+    first = next(readings["voxels"] for readings in result.scores.values() if regions[0] in readings["voxels"])
+    rows.append(["constant base rate", *(f"50.0; {_mean(first[region]['base_rate_nll']):.3f}" for region in regions)])
+    return markdown(["AUC; NLL (voxels)", *regions], rows)
+
+
+def _mean(values: list[float]) -> float:
+    return sum(values) / len(values)

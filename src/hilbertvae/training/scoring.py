@@ -1,0 +1,58 @@
+"""Every chosen mapper on every test site, and the `Result`s to whoever writes them. Knows no Lightning."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hilbertvae.checks import InputError
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.scoring.protocol import evaluate_all
+from hilbertvae.scoring.result import Result
+from hilbertvae.site import Site, open_site
+from hilbertvae.training.settings import Settings
+
+Writer = Callable[[Result, Site, dict[str, Mapper]], None]
+TRAINED = "trained"
+"""What a mapper's `reconstructor` is set to when it takes the network of the run; any other text is a checkpoint's path."""
+
+
+def needs_training(mappers: dict[str, Mapper]) -> bool:
+    """Whether any mapper takes the network of the run."""
+    return any(mapper.get_params(deep=False).get("reconstructor") == TRAINED for mapper in mappers.values())
+
+
+def score(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconstructor | None, write: Writer | None) -> None:
+    """Score `mappers` by name on the settings' test sites; `write(result, site, mappers)` gets a `Result` for each."""
+    if not mappers:
+        return
+    given = give_networks(settings, mappers, reconstructor)
+    for reference in settings.data.test:
+        site = open_site(reference, settings.resolution_m, **settings.data.reading())
+        result = evaluate_all(given, site, settings.evaluation, progress=print)
+        if write:
+            write(result, site, given)
+
+
+def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconstructor | None) -> dict[str, Mapper]:
+    """The mappers with their networks, and maps of raw grids with the grids of the run, under the names that their scores will have.
+
+    A network without sampling is no CVAE: what is configured as `cvae-...` for the network of the run is scored as `cae-...`.
+    """
+    given = {}
+    for name, mapper in mappers.items():
+        if isinstance(mapper, HilbertMap):
+            if mapper.reconstructor == TRAINED:
+                if reconstructor is None:
+                    raise InputError(f"mapper.{name}: expected a trained network or `checkpoint`, got neither")
+                mapper.set_params(reconstructor=reconstructor)
+                if not reconstructor.network_settings.variational:
+                    name = name.replace("cvae-", "cae-")
+            elif isinstance(mapper.reconstructor, str):
+                mapper.set_params(reconstructor=Reconstructor.load(mapper.reconstructor))
+            elif mapper.reconstructor is None and mapper.grid is None:
+                of = reconstructor or settings
+                mapper.set_params(grid=of.grid, resolution_m=of.resolution_m)
+        given[name] = mapper
+    return given

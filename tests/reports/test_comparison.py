@@ -1,0 +1,40 @@
+"""Pairwise and occlusion tables against numbers worked out by hand."""
+
+from hilbertvae.reports.comparison import occlusion_table, pairwise_table
+from hilbertvae.scoring.result import Result
+
+
+def result_of(scores):
+    return Result("hall", 2, 2.5, [0, 1], {}, scores)
+
+
+def gaps(f1, auc, best_f1):
+    return {"gaps": {"f1": f1, "auc": auc, "best_f1": best_f1}}
+
+
+def test_pairwise_counts_the_seeds_won_and_averages_the_differences_in_points():
+    ours = {"points": gaps([0.8, 0.7], [0.9, 0.9], [0.8, 0.8]), "voxels": gaps([0.5, 0.5], [0.8, 0.7], [0.6, 0.5])}
+    theirs = {"points": gaps([0.7, 0.74], [0.8, 0.7], [0.7, 0.7]), "voxels": gaps([0.4, 0.4], [0.9, 0.8], [0.5, 0.3])}
+    table = pairwise_table(result_of({"cvae-hm": ours, "cvae-hm-points": ours, "nearest": theirs, "gap-centre": theirs}))
+    row = next(line for line in table.splitlines() if "nearest" in line)
+    assert "1 of 2, +3.0" in row  # F1 at the cut, points: +0.10 and -0.04
+    assert "2 of 2, +15.0" in row  # AUC, points: +0.1 and +0.2
+    assert "0 of 2, -10.0" in row  # AUC, voxels: -0.1 and -0.1
+    assert "gap-centre" not in table
+
+
+def test_pairwise_is_empty_without_a_network_or_without_rivals():
+    only = {"points": gaps([0.8], [0.9], [0.8]), "voxels": gaps([0.5], [0.8], [0.6])}
+    assert pairwise_table(result_of({"nearest": only})) == ""
+    assert pairwise_table(result_of({"cvae-hm": only})) == ""
+
+
+def test_occlusion_shows_auc_and_nll_beside_the_base_rates():
+    region = {"auc": [0.6, 0.8], "nll": [0.3, 0.5], "base_rate_nll": [0.25, 0.35]}
+    table = occlusion_table(result_of({"nearest": {"voxels": {"occluded-half-0.5-1": region}}}))
+    assert "occluded-half-0.5-1" in table and "70.0" in table and "0.400" in table
+    assert "constant base rate" in table and "0.300" in table
+
+
+def test_occlusion_is_empty_where_it_was_not_scored():
+    assert occlusion_table(result_of({"nearest": {"voxels": {}}})) == ""
