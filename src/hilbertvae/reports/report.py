@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -105,7 +107,7 @@ class Report:
         for name, why in self.failed.items():
             print(f"Failed: {name}: {why}")
         print(f"Results: {', '.join(map(str, self.written)) or 'none'}")
-        print(f"TensorBoard: tensorboard --logdir {self.folder}")
+        print(f"TensorBoard: {Path(os.path.relpath(Path(sys.executable).parent)) / 'tensorboard'} --logdir {self.folder}")
         return int(bool(self.failed))
 
 
