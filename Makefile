@@ -19,7 +19,7 @@ run: $(READY)  ## Train on simulated buildings, score on another one, leave pict
 test: $(READY)  ## The whole suite, lint and the one-way flow of imports
 	$(BIN)/ruff check src tests benchmarks
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest -n auto
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto  # one thread in each worker: two torch processes with two each fight
 
 clean:
 	rm -rf outputs/run outputs/cache
