@@ -1,0 +1,59 @@
+"""Every command and every piece of Python in the README, executed: the commands with `debug=fast`, in a folder of the test's own."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_dir
+
+from hilbertvae.commands.train import CONF, run, to_settings
+from toy_rooms import square_room
+
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+COMMANDS = [line.split("#")[0].strip() for line in re.findall(r"^\.venv/bin/hilbertvae-train .*$", README, re.MULTILINE)]
+PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+
+
+def run_fast(folder: Path, *overrides: str) -> Path:
+    """The output folder of a run with these overrides, made small."""
+    small = ["debug=fast", "pictures=false", "evaluation.occlusion=false", "trainer.threads=1", f"data.cache={folder / 'cache'}"]
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        settings = to_settings(compose("config", overrides=[*overrides, *small, f"output={folder / 'out'}"]))
+    assert run(settings) == 0
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory) -> Path:
+    pytest.importorskip("embreex")
+    return run_fast(tmp_path_factory.mktemp("trained"), "mapper=[cvae-hm]") / "model.safetensors"
+
+
+def test_there_is_something_to_execute():
+    assert len(COMMANDS) >= 4 and len(PYTHON) == 1
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_command(command, tmp_path, checkpoint):
+    words = shlex.split(command.replace("outputs/run/model.safetensors", str(checkpoint)))[1:]
+    if "--cfg" in words:
+        done = subprocess.run([sys.executable, "-m", "hilbertvae.train", *words], capture_output=True, text=True, check=True)
+        assert "cluster_diameter_m" in done.stdout
+        return
+    found = run_fast(tmp_path, *(word for word in words if word != "debug=fast"), "mapper=[cvae-hm,nearest]")
+    assert (found / "result.json").is_file()
+
+
+def test_python(checkpoint):
+    scans = square_room()
+    known = {
+        "points": [scans.points[scans.scan == number] for number in range(2)],
+        "origins": np.stack([scans.origins[scans.scan == number][0] for number in range(2)]),
+        "queries": np.random.default_rng(0).uniform(-2, 2, (50, 2)),
+    }
+    exec(PYTHON[0].replace("outputs/run/model.safetensors", str(checkpoint)), known)
+    assert known["probability"].shape == (50,) and ((known["probability"] >= 0) & (known["probability"] <= 1)).all()
