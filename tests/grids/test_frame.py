@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
@@ -148,8 +149,9 @@ def test_a_gap_does_not_move_seed_frames_but_median_and_full_ones(place, seed):
     returns = shown.points[shown.occupied]
     every = whole.points[whole.occupied]
     clusters = quick_means(returns, DIAMETER_M / 2, 0.9, 5, seed)
-    balls = [np.flatnonzero(np.linalg.norm(every - seed, axis=1) <= DIAMETER_M / 2) for seed in clusters.seeds]
-    uncut = type(clusters)(clusters.seeds, np.concatenate(balls), np.cumsum([0, *map(len, balls)]))
+    tree = cKDTree(every)
+    sizes = tree.query_ball_point(clusters.seeds, DIAMETER_M / 2, return_length=True)
+    uncut = type(clusters)(clusters.seeds, sizes, tree, DIAMETER_M / 2)
     assert len(uncut.members) > len(clusters.members)
 
     def both(*choice):

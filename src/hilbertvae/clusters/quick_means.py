@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 
 import numpy as np
@@ -10,21 +10,33 @@ from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError, check_points, check_positive
 
-STRIDE = 4096
-"""Points of the walk that are checked for being consumed at once, before each is by itself."""
+STRIDE = 1024
+"""Points of the walk that are looked at together."""
 SEEDS_AT_ONCE = 4096
 
 
-@dataclass(frozen=True)
 class Clusters:
-    """seeds: (M, D) metres; members: flat indices of points, those of cluster m at `members[offsets[m]:offsets[m + 1]]`."""
+    """seeds: (M, D) metres; sizes: (M,) how many points each has; len() is M.
 
-    seeds: np.ndarray
-    members: np.ndarray
-    offsets: np.ndarray
+    Which points they are is laid out when first asked for: a frame that only needs the seed never does.
+    """
+
+    def __init__(self, seeds: np.ndarray, sizes: np.ndarray, tree: cKDTree, outer_radius_m: float):
+        self.seeds, self.sizes = seeds, sizes
+        self._tree, self._outer_radius_m = tree, outer_radius_m
 
     def __len__(self) -> int:
         return len(self.seeds)
+
+    @cached_property
+    def offsets(self) -> np.ndarray:
+        """(M + 1,) where the points of each cluster start in `members`, and where the last one's end."""
+        return np.concatenate([[0], np.cumsum(self.sizes)])
+
+    @cached_property
+    def members(self) -> np.ndarray:
+        """(P,) flat indices of points, those of cluster m at `members[offsets[m]:offsets[m + 1]]`, ascending."""
+        return _balls(self._tree, self.seeds, self._outer_radius_m)
 
 
 def quick_means(points: np.ndarray, outer_radius_m: float, inner_radius_m: float, minimum_points: int = 1, seed: int = 0) -> Clusters:
@@ -39,11 +51,11 @@ def quick_means(points: np.ndarray, outer_radius_m: float, inner_radius_m: float
     check_positive(inner_radius_m, "inner_radius_m")
     if inner_radius_m > outer_radius_m:
         raise InputError(f"inner_radius_m: expected at most outer_radius_m ({outer_radius_m}), got {inner_radius_m}")
-    tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
-    drawn = _draw_seeds(tree, inner_radius_m, np.random.default_rng(seed))
-    members, sizes = _balls(tree, points[drawn], outer_radius_m)
+    tree = cKDTree(points, leafsize=32, balanced_tree=False, compact_nodes=False)
+    drawn = points[_draw_seeds(tree, inner_radius_m, np.random.default_rng(seed))]
+    sizes = tree.query_ball_point(drawn, outer_radius_m, workers=-1, return_length=True)
     kept = sizes > minimum_points
-    return Clusters(points[drawn[kept]], members[np.repeat(kept, sizes)], np.concatenate([[0], np.cumsum(sizes[kept])]))
+    return Clusters(drawn[kept], sizes[kept], tree, outer_radius_m)
 
 
 def _draw_seeds(tree: cKDTree, inner_radius_m: float, rng: np.random.Generator) -> np.ndarray:
@@ -53,22 +65,38 @@ def _draw_seeds(tree: cKDTree, inner_radius_m: float, rng: np.random.Generator) 
     drawn = []
     for start in range(0, tree.n, STRIDE):
         stretch = walk[start : start + STRIDE]
-        for candidate in stretch[~consumed[stretch]].tolist():
-            if consumed[candidate]:
-                continue
-            drawn.append(candidate)
-            consumed[tree.query_ball_point(tree.data[candidate], inner_radius_m)] = True
-    return np.array(drawn)
+        live = stretch[~consumed[stretch]]
+        if len(live):
+            drawn.append(live[_first_come(tree.data[live], inner_radius_m)])
+            # Few and small balls: starting threads would take longer than finding them.
+            balls = tree.query_ball_point(tree.data[drawn[-1]], inner_radius_m, return_sorted=False)
+            consumed[_flat(balls)] = True
+    return np.concatenate(drawn)
 
 
-def _balls(tree: cKDTree, seeds: np.ndarray, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which points lie within the radius of each of `seeds (M, D)`: flat indices (P,), ascending in each ball, and sizes (M,).
+def _first_come(points: np.ndarray, radius_m: float) -> np.ndarray:
+    """(N,) bool: those of `points (N, D)` that no earlier one which is itself chosen has within the radius."""
+    chosen = np.ones(len(points), bool)
+    pairs = cKDTree(points).query_pairs(radius_m, output_type="ndarray")
+    # In order of the earlier point: when its pairs come up, it has been decided whether it is chosen.
+    for earlier, later in pairs[np.lexsort(pairs.T[::-1])].tolist():
+        if chosen[earlier]:
+            chosen[later] = False
+    return chosen
 
-    Some seeds at a time: the tree answers in lists, which take many times the memory of the numbers in them.
+
+def _balls(tree: cKDTree, centres: np.ndarray, radius_m: float) -> np.ndarray:
+    """(P,) which points lie within the radius of each of `centres (M, D)`, ball after ball, ascending in each.
+
+    Some balls at a time: the tree answers in lists, which take many times the memory of the numbers in them.
     """
-    members, sizes = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
-    for start in range(0, len(seeds), SEEDS_AT_ONCE):
-        balls = tree.query_ball_point(seeds[start : start + SEEDS_AT_ONCE], radius_m, workers=-1, return_sorted=True)
-        sizes.append(np.fromiter(map(len, balls), np.int64, len(balls)))
-        members.append(np.fromiter(chain.from_iterable(balls), np.int64, sizes[-1].sum()))
-    return np.concatenate(members), np.concatenate(sizes)
+    members = [np.empty(0, np.int64)]
+    for start in range(0, len(centres), SEEDS_AT_ONCE):
+        balls = tree.query_ball_point(centres[start : start + SEEDS_AT_ONCE], radius_m, workers=-1, return_sorted=True)
+        members.append(_flat(balls))
+    return np.concatenate(members)
+
+
+def _flat(balls: np.ndarray) -> np.ndarray:
+    """The numbers in the tree's lists, one list after the other."""
+    return np.fromiter(chain.from_iterable(balls), np.int64, sum(map(len, balls)))
