@@ -10,8 +10,10 @@ from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError, check_points, check_positive
 
-STRIDE = 1024
-"""Points of the walk that are looked at together."""
+LIVE_AT_ONCE = 1024
+"""About so many live points of the walk are looked at together; the stretch of walk that holds them grows as points are consumed."""
+LONGEST = 64
+"""Times `LIVE_AT_ONCE`: a stretch is no longer than that, however few of its points should be live."""
 SEEDS_AT_ONCE = 4096
 
 
@@ -53,7 +55,9 @@ def quick_means(points: np.ndarray, outer_radius_m: float, inner_radius_m: float
         raise InputError(f"inner_radius_m: expected at most outer_radius_m ({outer_radius_m}), got {inner_radius_m}")
     tree = cKDTree(points, leafsize=32, balanced_tree=False, compact_nodes=False)
     drawn = points[_draw_seeds(tree, inner_radius_m, np.random.default_rng(seed))]
-    sizes = tree.query_ball_point(drawn, outer_radius_m, workers=-1, return_length=True)
+    sizes = np.empty(len(drawn), np.int64)
+    near = cKDTree(drawn).indices  # seed after seed nearby, so that what one ball reads is still in the cache for the next
+    sizes[near] = tree.query_ball_point(drawn[near], outer_radius_m, workers=-1, return_length=True)
     kept = sizes > minimum_points
     return Clusters(drawn[kept], sizes[kept], tree, outer_radius_m)
 
@@ -63,9 +67,12 @@ def _draw_seeds(tree: cKDTree, inner_radius_m: float, rng: np.random.Generator) 
     consumed = np.zeros(tree.n, bool)
     walk = rng.permutation(tree.n)
     drawn = []
-    for start in range(0, tree.n, STRIDE):
-        stretch = walk[start : start + STRIDE]
+    start, length = 0, LIVE_AT_ONCE
+    while start < tree.n:
+        stretch = walk[start : start + length]
         live = stretch[~consumed[stretch]]
+        start += length
+        length = int(LIVE_AT_ONCE * min(LONGEST, len(stretch) / max(len(live), 1)))
         if len(live):
             drawn.append(live[_first_come(tree.data[live], inner_radius_m)])
             # Few and small balls: starting threads would take longer than finding them.
