@@ -13,6 +13,7 @@ from omegaconf import OmegaConf
 from hilbertvae.checks import InputError
 from hilbertvae.commands.build import build_mappers
 from hilbertvae.commands.train import CONF, run, to_settings
+from hilbertvae.files import file_sha256
 from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reports.result_json import read_result
@@ -83,6 +84,12 @@ class TestEveryConfiguration:
         assert not (tmp_path / "again/checkpoints").exists()
         first, second = (read_result(tmp_path / folder / "result.json")[0] for folder in ("run", "again"))
         assert first.scores == second.scores
+        about = read_result(tmp_path / "again/result.json")[1]
+        assert about["data"]["checkpoint"] == file_sha256(tmp_path / "run/model.safetensors")
+
+    def test_a_checkpoint_that_is_not_there_is_named(self, tmp_path):
+        with pytest.raises(InputError, match="gone.safetensors: no such checkpoint"):
+            run(fast(tmp_path, "mapper=[cvae-hm]", f"checkpoint={tmp_path}/gone.safetensors"))
 
 
 class TestNoNetwork:

@@ -7,7 +7,7 @@ from scipy.sparse import csr_matrix
 from sklearn.linear_model import LogisticRegression
 
 from hilbertvae.checks import InputError
-from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, fit_logistic, fit_rank_weights, seen_features, unit_weights
+from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, fit_rank_weights, logistic_weights, seen_features, unit_weights
 
 
 def problem(seed=0, count=300, features=4):
@@ -24,7 +24,7 @@ def nobody():
 def test_without_bounds_it_is_scikit_learns_logistic_regression(ridge):
     x, y = problem()
     expected = LogisticRegression(C=1 / (2 * ridge), fit_intercept=False, tol=1e-10, max_iter=10_000).fit(x, y)
-    np.testing.assert_allclose(fit_logistic(x, y, nobody(), ridge=ridge), expected.coef_[0], atol=2e-3)
+    np.testing.assert_allclose(logistic_weights(x, y, nobody(), ridge=ridge), expected.coef_[0], atol=2e-3)
 
 
 @pytest.mark.parametrize("sparse", [False, True])
@@ -39,22 +39,22 @@ def test_the_optimum_by_another_road(sparse):
         return total + ridge * ((w - towards) ** 2).sum()
 
     expected = minimize(loss, [2.0, 1.0, 1.0], method="Nelder-Mead", bounds=[(0, None), (None, None), (0, None)], tol=1e-10)
-    found = fit_logistic(csr_matrix(x) if sparse else x, y, np.array([0, 2]), ridge, towards, offset)
+    found = logistic_weights(csr_matrix(x) if sparse else x, y, np.array([0, 2]), ridge, towards, offset)
     np.testing.assert_allclose(found, expected.x, atol=1e-3)
 
 
 def test_weights_of_features_that_speak_against_stay_at_zero():
     x, y = problem()
     x[:, 1] = np.where(y, -1.0, 1.0)
-    found = fit_logistic(x, y, np.array([1]))
+    found = logistic_weights(x, y, np.array([1]))
     assert found[1] == 0
-    assert fit_logistic(x, y, nobody())[1] < -1
+    assert logistic_weights(x, y, nobody())[1] < -1
 
 
 @pytest.mark.parametrize("towards", [0.0, 1.0])
 def test_a_strong_ridge_leads_to_its_aim(towards):
     x, y = problem()
-    found = fit_logistic(x, y, nobody(), ridge=1e7, towards=np.full(4, towards))
+    found = logistic_weights(x, y, nobody(), ridge=1e7, towards=np.full(4, towards))
     np.testing.assert_allclose(found, towards, atol=1e-3)
 
 

@@ -17,6 +17,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.commands.build import build_mappers
+from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.scans.sites import site_hashes
@@ -65,8 +66,10 @@ def run(settings: Settings) -> int:
     training = settings.checkpoint is None and (not mappers or needs_training(mappers))
     for reference in sites if training else data.test:
         check_site(reference, **data.reading())
+    reconstructor = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
+    given = {"checkpoint": file_sha256(settings.checkpoint)} if settings.checkpoint else {}  # by what is in it, wherever it lies
     config = asdict(settings)
-    evaluated = {"mapper": settings.mapper, "evaluation": config["evaluation"], "test": data.test, "checkpoint": settings.checkpoint}
+    evaluated = {"mapper": settings.mapper, "evaluation": config["evaluation"], "test": data.test, **given}
     identity = {"training": training_hash(settings), **evaluated}
     seeds = {"training": settings.seed, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
 
@@ -76,11 +79,11 @@ def run(settings: Settings) -> int:
                 if role != "test":
                     yield open_site(site, settings.resolution_m, **data.reading()), role
 
-    write = Report(settings.output, config, identity, seeds, site_hashes(list(sites)), others, settings.pictures)
+    write = Report(settings.output, config, identity, seeds, site_hashes(list(sites)) | given, others, settings.pictures)
     if training:
         train(settings, mappers, write)
     else:
-        score(settings, mappers, Reconstructor.load(settings.checkpoint) if settings.checkpoint else None, write)
+        score(settings, mappers, reconstructor, write)
     return write.close()
 
 

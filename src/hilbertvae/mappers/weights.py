@@ -75,11 +75,11 @@ def fit_rank_weights(values, held, seen, evidence, occupied) -> RankWeights:
         raise InputError("rank weights: expected queries both in gaps and in observed voxels")
     ranks = values.shape[1]
     features = np.column_stack([values, np.ones(len(values))])
-    in_gaps = fit_logistic(features[unseen], occupied[unseen], nonnegative=np.arange(ranks))
+    in_gaps = logistic_weights(features[unseen], occupied[unseen], nonnegative=np.arange(ranks))
     # No constant here: the paper's grids say 0 where they know nothing, and there p must be 0.5.
-    everywhere = np.append(fit_logistic(values[inside], occupied[inside], nonnegative=np.arange(ranks)), 0.0)
+    everywhere = np.append(logistic_weights(values[inside], occupied[inside], nonnegative=np.arange(ranks)), 0.0)
     features = seen_features(values[seen], held[seen], evidence)
-    observed = fit_logistic(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]))
+    observed = logistic_weights(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]))
     return RankWeights(in_gaps, observed, everywhere)
 
 
@@ -90,10 +90,10 @@ def fit_cluster_weights(values, holding, offset, rank_weights: np.ndarray, occup
     data = values[query, rank] * rank_weights[rank]
     features = csr_matrix((data, (query, holding[query, rank])), shape=(len(values), clusters))
     everyone = np.arange(clusters)
-    return fit_logistic(features, occupied, nonnegative=everyone, ridge=ridge, towards=np.ones(clusters), offset=offset)
+    return logistic_weights(features, occupied, nonnegative=everyone, ridge=ridge, towards=np.ones(clusters), offset=offset)
 
 
-def fit_logistic(features, occupied, nonnegative, ridge: float = 1e-3, towards=None, offset=0.0) -> np.ndarray:
+def logistic_weights(features, occupied, nonnegative, ridge: float = 1e-3, towards=None, offset=0.0) -> np.ndarray:
     """w (F,) that minimises the sum over queries of log(1 + exp(-y (offset + w . Phi))) + ridge |w - towards|^2.
 
     Convex, with few features: L-BFGS reaches the optimum that SGD (Eq. 16) would wander around. Features may be sparse.

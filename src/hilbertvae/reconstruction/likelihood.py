@@ -44,6 +44,11 @@ class Bernoulli:
         """The output as a kernel value of Eq. 7: the logit, clipped where a sigmoid has no more to say."""
         return output.float().clamp(-8.0, 8.0)
 
+    @staticmethod
+    def probability(value: Tensor) -> Tensor:
+        """p(occupied) of a kernel value: a logit's sigmoid."""
+        return torch.sigmoid(value)
+
 
 class Gaussian:
     """The paper's: tanh and unit variance over all cells of {-1, 0, 1}, unknown ones included."""
@@ -59,6 +64,11 @@ class Gaussian:
     def kernel_value(output: Tensor) -> Tensor:
         """The tanh output itself, in (-1, 1)."""
         return torch.tanh(output.float())
+
+    @staticmethod
+    def probability(value: Tensor) -> Tensor:
+        """p(occupied) of a kernel value in (-1, 1): (k + 1) / 2."""
+        return (value + 1) / 2
 
 
 LIKELIHOODS = {"bernoulli": Bernoulli, "gaussian": Gaussian}

@@ -9,7 +9,6 @@ import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
-from scipy.special import expit
 
 from hilbertvae.cloud import Cloud
 from hilbertvae.grids.aligned_grid import OCCUPIED, UNKNOWN
@@ -27,8 +26,8 @@ LEAST_HIDDEN = 20
 
 
 def kernel_probability(values: np.ndarray, likelihood: str) -> np.ndarray:
-    """p(occupied) of kernel values: a logit's sigmoid (`bernoulli`), or (k + 1) / 2 of the paper's tanh (`gaussian`)."""
-    return expit(values) if likelihood == "bernoulli" else (np.asarray(values) + 1) / 2
+    """p(occupied) of kernel values, as the likelihood of that kind reads them."""
+    return LIKELIHOODS[likelihood].probability(torch.from_numpy(np.asarray(values))).numpy()
 
 
 def sheet(grid: np.ndarray, layer: int | None = None) -> np.ndarray:

@@ -57,8 +57,7 @@ class ReconstructionModule(L.LightningModule):
         fit = self.likelihood(found.output, target, shown).mean()
         self.log("val/nll_per_grid", fit, batch_size=len(shown))
         # Early stop and best weights go by this: gaps are what the network is for, and what it overfits on.
-        value = self.likelihood.kernel_value(found.output)
-        probability = torch.sigmoid(value) if self.settings.likelihood.kind == "bernoulli" else (value + 1) / 2
+        probability = self.likelihood.probability(self.likelihood.kernel_value(found.output))
         if not removed.any():
             return
         gap = F.binary_cross_entropy(probability[removed].clamp(1e-4, 1 - 1e-4), (target[removed] > 0).float())
