@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
-from hilbertvae.clusters.quick_means import quick_means
+from hilbertvae.clusters.quick_means import Clusters, quick_means
 from hilbertvae.gaps import random_gaps
 from hilbertvae.grids.frame import CENTRES, ROTATIONS, SCALES, Frames, FrameSettings, cluster_frames
 
@@ -149,9 +149,7 @@ def test_a_gap_does_not_move_seed_frames_but_median_and_full_ones(place, seed):
     returns = shown.points[shown.occupied]
     every = whole.points[whole.occupied]
     clusters = quick_means(returns, DIAMETER_M / 2, 0.9, 5, seed)
-    tree = cKDTree(every)
-    sizes = tree.query_ball_point(clusters.seeds, DIAMETER_M / 2, return_length=True)
-    uncut = type(clusters)(clusters.seeds, sizes, tree, DIAMETER_M / 2)
+    uncut = Clusters(clusters.seeds, cKDTree(every), DIAMETER_M / 2)
     assert len(uncut.members) > len(clusters.members)
 
     def both(*choice):

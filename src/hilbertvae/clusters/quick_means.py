@@ -18,17 +18,21 @@ SEEDS_AT_ONCE = 4096
 
 
 class Clusters:
-    """seeds: (M, D) metres; sizes: (M,) how many points each has; len() is M.
+    """seeds: (M, D) metres; len() is M.
 
-    Which points they are is laid out when first asked for: a frame that only needs the seed never does.
+    Which points are theirs is laid out when first asked for: a frame that only needs the seed never does.
     """
 
-    def __init__(self, seeds: np.ndarray, sizes: np.ndarray, tree: cKDTree, outer_radius_m: float):
-        self.seeds, self.sizes = seeds, sizes
-        self._tree, self._outer_radius_m = tree, outer_radius_m
+    def __init__(self, seeds: np.ndarray, tree: cKDTree, outer_radius_m: float):
+        self.seeds, self._tree, self._outer_radius_m = seeds, tree, outer_radius_m
 
     def __len__(self) -> int:
         return len(self.seeds)
+
+    @cached_property
+    def sizes(self) -> np.ndarray:
+        """(M,) how many points each has."""
+        return _ball_sizes(self._tree, self.seeds, self._outer_radius_m)
 
     @cached_property
     def offsets(self) -> np.ndarray:
@@ -54,19 +58,17 @@ def quick_means(points: np.ndarray, outer_radius_m: float, inner_radius_m: float
     if inner_radius_m > outer_radius_m:
         raise InputError(f"inner_radius_m: expected at most outer_radius_m ({outer_radius_m}), got {inner_radius_m}")
     tree = cKDTree(points, leafsize=32, balanced_tree=False, compact_nodes=False)
-    drawn = points[_draw_seeds(tree, inner_radius_m, np.random.default_rng(seed))]
-    sizes = np.empty(len(drawn), np.int64)
-    near = cKDTree(drawn).indices  # seed after seed nearby, so that what one ball reads is still in the cache for the next
-    sizes[near] = tree.query_ball_point(drawn[near], outer_radius_m, workers=-1, return_length=True)
-    kept = sizes > minimum_points
-    return Clusters(drawn[kept], sizes[kept], tree, outer_radius_m)
+    drawn, inner_sizes = _draw_seeds(tree, inner_radius_m, np.random.default_rng(seed))
+    kept = inner_sizes > minimum_points  # an outer ball has no fewer points than the inner one, so only the others are counted
+    kept[~kept] = _ball_sizes(tree, points[drawn[~kept]], outer_radius_m) > minimum_points
+    return Clusters(points[drawn[kept]], tree, outer_radius_m)
 
 
-def _draw_seeds(tree: cKDTree, inner_radius_m: float, rng: np.random.Generator) -> np.ndarray:
-    """Indices of points more than the inner radius apart, such that every point is within it of one of them."""
+def _draw_seeds(tree: cKDTree, inner_radius_m: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of points more than the inner radius apart, such that every point is within it of one of them, and how many are."""
     consumed = np.zeros(tree.n, bool)
     walk = rng.permutation(tree.n)
-    drawn = []
+    drawn, sizes = [], []
     start, length = 0, LIVE_AT_ONCE
     while start < tree.n:
         stretch = walk[start : start + length]
@@ -78,7 +80,8 @@ def _draw_seeds(tree: cKDTree, inner_radius_m: float, rng: np.random.Generator) 
             # Few and small balls: starting threads would take longer than finding them.
             balls = tree.query_ball_point(tree.data[drawn[-1]], inner_radius_m, return_sorted=False)
             consumed[_flat(balls)] = True
-    return np.concatenate(drawn)
+            sizes += map(len, balls)
+    return np.concatenate(drawn), np.array(sizes)
 
 
 def _first_come(points: np.ndarray, radius_m: float) -> np.ndarray:
@@ -90,6 +93,15 @@ def _first_come(points: np.ndarray, radius_m: float) -> np.ndarray:
         if chosen[earlier]:
             chosen[later] = False
     return chosen
+
+
+def _ball_sizes(tree: cKDTree, centres: np.ndarray, radius_m: float) -> np.ndarray:
+    """(M,) how many points lie within the radius of each of `centres (M, D)`."""
+    sizes = np.zeros(len(centres), np.int64)
+    if len(centres):
+        near = cKDTree(centres).indices  # centre after centre nearby, so that what one ball reads is still in the cache for the next
+        sizes[near] = tree.query_ball_point(centres[near], radius_m, workers=-1, return_length=True)
+    return sizes
 
 
 def _balls(tree: cKDTree, centres: np.ndarray, radius_m: float) -> np.ndarray:
