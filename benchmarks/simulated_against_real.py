@@ -26,10 +26,11 @@ import numpy as np
 from scipy import ndimage
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import voxel_cloud, voxel_votes
+from hilbertvae.cloud import voxel_cloud
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.sites import CATALOGUE, read_site
 from hilbertvae.simulate.building import BuildingSettings, simulate_building
+from hilbertvae.voxel_votes import voxel_votes
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402

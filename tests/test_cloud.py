@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hilbertvae import cloud as cloud_module
+from hilbertvae import voxel_votes as votes_module
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import cloud_from_scans, fit_cloud, points_cloud, voxel_cloud, voxel_index, voxel_votes
+from hilbertvae.cloud import cloud_from_scans, fit_cloud, points_cloud, voxel_cloud
 from hilbertvae.scans.scan import Scans
+from hilbertvae.voxel_votes import voxel_index, voxel_votes
 
 
 def random_scans(seed, count, dimension, offset_m=0.0) -> Scans:
@@ -80,7 +81,7 @@ def test_free_samples_stop_short_of_the_return_by_about_a_cell():
 def test_portions_change_nothing(monkeypatch):
     scans = random_scans(2, 80, 3)
     whole = voxel_votes(scans, 0.2)
-    monkeypatch.setattr(cloud_module, "SAMPLES_AT_ONCE", 50)
+    monkeypatch.setattr(votes_module, "SAMPLES_AT_ONCE", 50)
     parts = voxel_votes(scans, 0.2)
     np.testing.assert_array_equal(parts.index, whole.index)
     np.testing.assert_array_equal(parts.hits, whole.hits)

@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import Cloud, voxel_index
+from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import INSIDE, OUTSIDE, RIM, Gaps, random_gaps
+from hilbertvae.voxel_votes import voxel_index
 
 
 def part_by_loop(gaps, point):

@@ -6,19 +6,18 @@ How densely beams are sampled changes every score, so it is no setting of a run.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_points, check_positive
+from hilbertvae.checks import InputError, check_points
 from hilbertvae.scans.scan import Scans
+from hilbertvae.voxel_votes import VoxelVotes, voxel_votes
 
 RESOLUTION_M = {2: 0.1, 3: 0.2}
 """The map's cell, by dimension."""
 OCCUPIED_SHARE = 0.15
 """A voxel is occupied from this share of returns on: many beams graze a wall's voxel, and a majority would erase it."""
-SAMPLES_AT_ONCE = 4_000_000
 
 
 @dataclass(frozen=True)
@@ -37,90 +36,13 @@ class Cloud:
         return Cloud(self.points[chosen], self.occupied[chosen], self.weight[chosen])
 
 
-def voxel_index(points: np.ndarray, resolution_m: float) -> np.ndarray:
-    """(N, D) int64: the voxel of each point, on the lattice through the map's origin."""
-    return np.floor(points / resolution_m).astype(np.int64)
-
-
-@dataclass(frozen=True)
-class VoxelVotes:
-    """Sums over the samples in each voxel seen. index: (V, D) int64; hits, frees: (V,) counts; hit_mean, free_mean: (V, D) metres."""
-
-    index: np.ndarray
-    hits: np.ndarray
-    frees: np.ndarray
-    hit_mean: np.ndarray
-    free_mean: np.ndarray
-
-
-def voxel_votes(scans: Scans, resolution_m: float) -> VoxelVotes:
-    """Returns, and beams sampled every voxel length up to one cell before the return, gathered by voxel.
-
-    Works through the beams in portions, so that the free samples of all of them (1.5e8 for a long log) never lie in memory at once.
-    """
-    check_positive(resolution_m, "resolution_m")
-    if not len(scans):
-        raise InputError("scans: expected at least one return, got none")
-    dimension = scans.dimension
-    low = np.minimum(scans.points.min(axis=0), scans.origins.min(axis=0))
-    high = np.maximum(scans.points.max(axis=0), scans.origins.max(axis=0))
-    first = voxel_index(low, resolution_m)
-    shape = voxel_index(high, resolution_m) - first + 1
-    if np.prod(shape.astype(float)) > 2**62:
-        raise InputError(f"scans: extent {(high - low).tolist()} m is too large for voxels of {resolution_m} m")
-
-    keys, sums = np.empty(0, np.int64), np.empty((0, 2 + 2 * dimension))
-    for samples, hit in _samples(scans, resolution_m):
-        # Means are taken relative to the corner: with UTM coordinates a sum of thousands would lose digits.
-        local = samples - low
-        key = np.ravel_multi_index(tuple((voxel_index(samples, resolution_m) - first).T), tuple(shape))
-        found, position = np.unique(key, return_inverse=True)
-        columns = [~hit, hit] + [local[:, d] * chosen for chosen in (~hit, hit) for d in range(dimension)]
-        portion = np.stack([np.bincount(position, weights=column, minlength=len(found)) for column in columns], axis=1)
-        merged, position = np.unique(np.concatenate([keys, found]), return_inverse=True)
-        total = np.zeros((len(merged), sums.shape[1]))
-        total[position[: len(keys)]] += sums
-        total[position[len(keys) :]] += portion
-        keys, sums = merged, total
-
-    index = np.stack(np.unravel_index(keys, tuple(shape)), axis=1) + first
-    frees, hits = sums[:, 0], sums[:, 1]
-    free_mean = sums[:, 2 : 2 + dimension] / np.maximum(frees, 1)[:, None] + low
-    hit_mean = sums[:, 2 + dimension :] / np.maximum(hits, 1)[:, None] + low
-    return VoxelVotes(index, hits, frees, *(_kept_inside(mean, index, resolution_m) for mean in (hit_mean, free_mean)))
-
-
-def _kept_inside(means: np.ndarray, index: np.ndarray, resolution_m: float) -> np.ndarray:
-    """Means back in their own voxels: rounding carries that of samples on a voxel's side across it, and out of reach of its gap."""
-    across = voxel_index(means, resolution_m) != index
-    return means + np.where(across, 1e-6 * ((index + 0.5) * resolution_m - means), 0.0)
-
-
-def _samples(scans: Scans, resolution_m: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Portions of (samples (S, D), hit (S,) bool): each return, and its beam at every voxel length."""
-    direction = scans.points - scans.origins
-    length = np.linalg.norm(direction, axis=1)
-    free = np.maximum(np.floor(length / resolution_m - 0.5), 0).astype(np.int64)
-    portion = np.cumsum(free + 1) // SAMPLES_AT_ONCE
-    for start, end in _runs(portion):
-        count = free[start:end]
-        beam = np.repeat(np.arange(start, end), count)
-        step = np.arange(len(beam)) - np.repeat(np.cumsum(count) - count, count)
-        fraction = (step + 0.5) * resolution_m / length[beam]
-        along = scans.origins[beam] + direction[beam] * fraction[:, None]
-        samples = np.concatenate([scans.points[start:end], along])
-        yield samples, np.arange(len(samples)) < end - start
-
-
-def _runs(values: np.ndarray) -> Iterator[tuple[int, int]]:
-    """Start and end of each run of equal values."""
-    edges = np.flatnonzero(np.diff(values)) + 1
-    yield from zip([0, *edges.tolist()], [*edges.tolist(), len(values)], strict=True)
-
-
 def fit_cloud(scans: Scans, resolution_m: float) -> Cloud:
     """What mappers are given: at most one point per voxel and label, at the mean of its samples, with their count as weight."""
-    votes = voxel_votes(scans, resolution_m)
+    return thinned_cloud(voxel_votes(scans, resolution_m))
+
+
+def thinned_cloud(votes: VoxelVotes) -> Cloud:
+    """`fit_cloud` of beams that were sampled before."""
     hit, free = votes.hits > 0, votes.frees > 0
     return Cloud(
         np.concatenate([votes.hit_mean[hit], votes.free_mean[free]]),
@@ -131,9 +53,13 @@ def fit_cloud(scans: Scans, resolution_m: float) -> Cloud:
 
 def voxel_cloud(scans: Scans, resolution_m: float) -> Cloud:
     """One point per voxel seen, at its centre, occupied if returns have at least 15 % of the votes; weight 1."""
-    votes = voxel_votes(scans, resolution_m)
+    return voted_cloud(voxel_votes(scans, resolution_m))
+
+
+def voted_cloud(votes: VoxelVotes) -> Cloud:
+    """`voxel_cloud` of beams that were sampled before."""
     share = votes.hits / (votes.hits + votes.frees)
-    return Cloud((votes.index + 0.5) * resolution_m, share >= OCCUPIED_SHARE, np.ones(len(share)))
+    return Cloud((votes.index + 0.5) * votes.resolution_m, share >= OCCUPIED_SHARE, np.ones(len(share)))
 
 
 def points_cloud(scans: Scans, resolution_m: float, seed: int = 0) -> tuple[Cloud, np.ndarray]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
+from hilbertvae.bucket_index import BucketIndex
 from hilbertvae.checks import InputError, check_positive
-from hilbertvae.cloud import Cloud, voxel_index
+from hilbertvae.cloud import Cloud
+from hilbertvae.voxel_votes import voxel_index
 
 LEAST_SHARE, MOST_SHARE = 0.10, 0.15
 """Balls are added until at least the first share of the points is gone, and none that would take more than the second."""
@@ -28,15 +31,40 @@ class Gaps:
         The voxel decides, not the point, so that the same balls cut all clouds alike, and a thinned point, the mean of samples
         anywhere in its voxel, can't carry a removed sample out of the gap.
         """
-        low = voxel_index(points, self.resolution_m) * self.resolution_m
+        near = np.flatnonzero(self._near(points))
         part = np.zeros(len(points), np.int8)
-        for centre, radius in zip(self.centres, self.radius_m, strict=True):
-            near = np.flatnonzero((np.abs(points - centre) < radius + self.resolution_m).all(axis=1))
-            below, above = low[near] - centre, low[near] + self.resolution_m - centre
-            nearest = np.linalg.norm(np.clip(0, below, above), axis=1)
-            farthest = np.linalg.norm(np.maximum(np.abs(below), np.abs(above)), axis=1)
-            part[near[nearest < radius]] = RIM
-            part[near[farthest < radius]] = INSIDE
+        part[near] = self._part_in(BucketIndex(points[near], float(self.radius_m.max(initial=1.0))))
+        return part
+
+    def _near(self, points: np.ndarray) -> np.ndarray:
+        """(N,) bool: whether a point's cell, of a raster of cells as large as a ball, holds part of a ball: most points' does not."""
+        reach = self.radius_m[:, None] + self.resolution_m
+        side = float(2 * reach.max(initial=1.0))
+        first, last = voxel_index(self.centres - reach, side), voxel_index(self.centres + reach, side)
+        low = first.min(axis=0, initial=0)
+        shape = last.max(axis=0, initial=0) - low + 1
+        held = np.zeros(shape, bool)
+        for step in itertools.product((0, 1), repeat=len(low)):  # a ball reaches into two cells along an axis, no more
+            held[tuple((np.minimum(first + step, last) - low).T)] = True
+        cell = voxel_index(points, side) - low
+        inside = ((cell >= 0) & (cell < shape)).all(axis=1)
+        inside[inside] = held[tuple(cell[inside].T)]
+        return inside
+
+    def _part_in(self, index: BucketIndex) -> np.ndarray:
+        """`part` of the points of `index`."""
+        reach = self.radius_m[:, None] + self.resolution_m
+        ball, point = index.in_boxes(self.centres - reach, self.centres + reach)
+        nearest, farthest = np.zeros(len(point)), np.zeros(len(point))
+        for axis, centre in zip(index.points.T, self.centres.T, strict=True):
+            below = voxel_index(axis[point], self.resolution_m) * self.resolution_m - centre[ball]
+            above = below + self.resolution_m
+            nearest += np.clip(0, below, above) ** 2
+            farthest += np.maximum(np.abs(below), np.abs(above)) ** 2
+        squared = self.radius_m[ball] ** 2
+        part = np.zeros(len(index.points), np.int8)
+        part[point[nearest < squared]] = RIM
+        part[point[farthest < squared]] = INSIDE
         return part
 
     def cut(self, cloud: Cloud) -> Cloud:
@@ -45,7 +73,7 @@ class Gaps:
 
 
 def random_gaps(
-    cloud: Cloud, diameter_m: float | tuple[float, float], resolution_m: float, seed: int, centred: bool = False, attempts: int = 2000
+    cloud: Cloud, diameter_m: float | tuple[float, float], resolution_m: float, seed: int, centred: bool = False, attempts: int = 20_000
 ) -> Gaps:
     """Balls around random occupied points of `cloud`, until 10 to 15 % of its points are gone.
 
@@ -63,8 +91,10 @@ def random_gaps(
     dimension = cloud.points.shape[1]
     centres, radii = np.empty((0, dimension)), np.empty(0)
     gone = np.zeros(len(cloud), bool)
+    count = 0
+    index = BucketIndex(cloud.points, high / 2)
     for _ in range(attempts):
-        if gone.mean() >= LEAST_SHARE:
+        if count >= LEAST_SHARE * len(cloud):
             break
         radius = rng.uniform(low, high) / 2
         offset = rng.standard_normal(dimension)
@@ -73,10 +103,13 @@ def random_gaps(
         if (np.linalg.norm(centres - centre, axis=1) < radii + radius).any():
             continue
         ball = Gaps(centre[None], np.array([radius]), resolution_m)
-        taken = gone | (ball.part(cloud.points) != OUTSIDE)
-        if taken.mean() > MOST_SHARE:
+        reach = radius + 2 * resolution_m
+        near = index.in_boxes(centre[None] - reach, centre[None] + reach)[1]
+        taken = near[(ball.part(cloud.points[near]) != OUTSIDE) & ~gone[near]]
+        if count + len(taken) > MOST_SHARE * len(cloud):
             continue
-        gone = taken
+        gone[taken] = True
+        count += len(taken)
         centres, radii = np.vstack([centres, centre]), np.append(radii, radius)
     if not len(centres):
         raise InputError(f"gaps of {diameter_m} m: none fits into this site without removing more than {MOST_SHARE:.0%} of it")

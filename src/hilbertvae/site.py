@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import RESOLUTION_M, Cloud, fit_cloud, points_cloud, voxel_cloud, voxel_index
+from hilbertvae.cloud import RESOLUTION_M, Cloud, points_cloud, thinned_cloud, voted_cloud
+from hilbertvae.ground import Ground, find_ground
 from hilbertvae.scans.carmen import read_carmen
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.sites import read_site, site_path
 from hilbertvae.simulate.building import BuildingSettings, simulate_building
+from hilbertvae.voxel_votes import VoxelVotes, voxel_votes
 
 
 @dataclass(frozen=True)
@@ -23,6 +27,7 @@ class Site:
     name: str
     scans: Scans
     resolution_m: float = 0.0
+    _memory: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self):
         if not self.resolution_m:
@@ -35,27 +40,27 @@ class Site:
     @cached_property
     def whole(self) -> Cloud:
         """The `fit` cloud of every beam: what a training site offers."""
-        return fit_cloud(self.scans, self.resolution_m)
+        return thinned_cloud(self._votes)
 
     @cached_property
     def fit(self) -> Cloud:
         """The `fit` cloud without each tenth beam: what every mapper is given."""
-        return fit_cloud(self.scans.select(~self.scans.held_out()), self.resolution_m)
+        return thinned_cloud(self._fitted_votes)
 
     @cached_property
     def voxels(self) -> Cloud:
         """One point per voxel seen by any beam."""
-        return voxel_cloud(self.scans, self.resolution_m)
+        return voted_cloud(self._votes)
 
     @cached_property
     def voxels_held_out(self) -> np.ndarray:
         """(V,) bool: the voxels that a held-out beam crossed or ended in."""
-        return self._seen_by(self.scans.held_out())
+        return self._seen_in(self._held_out_votes)
 
     @cached_property
     def voxels_fitted(self) -> np.ndarray:
         """(V,) bool: the voxels that a fitted beam crossed or ended in."""
-        return self._seen_by(~self.scans.held_out())
+        return self._seen_in(self._fitted_votes)
 
     @cached_property
     def points(self) -> Cloud:
@@ -71,11 +76,36 @@ class Site:
     def _points(self) -> tuple[Cloud, np.ndarray]:
         return points_cloud(self.scans, self.resolution_m)
 
-    def _seen_by(self, beams: np.ndarray) -> np.ndarray:
-        seen = voxel_index(voxel_cloud(self.scans.select(beams), self.resolution_m).points, self.resolution_m)
-        every = voxel_index(self.voxels.points, self.resolution_m)
+    @cached_property
+    def ground(self) -> Ground:
+        """The local ground of a 3D site, found from all of its returns: scores are split by it, and no mapper knows it."""
+        return find_ground(self.scans.points)
+
+    @cached_property
+    def _fitted_votes(self) -> VoxelVotes:
+        return voxel_votes(self.scans.select(~self.scans.held_out()), self.resolution_m)
+
+    @cached_property
+    def _held_out_votes(self) -> VoxelVotes | None:
+        held_out = self.scans.held_out()
+        return voxel_votes(self.scans.select(held_out), self.resolution_m) if held_out.any() else None
+
+    @cached_property
+    def _votes(self) -> VoxelVotes:
+        """Beams are sampled once: those that were fitted and those that were held out, and then both together."""
+        return self._fitted_votes.merged(self._held_out_votes) if self._held_out_votes else self._fitted_votes
+
+    def remember(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """What `make()` gave when `key` was first asked for: every mapper is shown the same, so it is made once."""
+        if key not in self._memory:
+            self._memory[key] = make()
+        return self._memory[key]
+
+    def _seen_in(self, votes: VoxelVotes | None) -> np.ndarray:
+        every = self._votes.index
         low = every.min(axis=0)
         shape = tuple(every.max(axis=0) - low + 1)
+        seen = votes.index if votes else every[:0]
         return np.isin(np.ravel_multi_index(tuple((every - low).T), shape), np.ravel_multi_index(tuple((seen - low).T), shape))
 
 

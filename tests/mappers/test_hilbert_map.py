@@ -6,12 +6,13 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import Cloud, voxel_index
+from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.weights import RankWeights
+from hilbertvae.voxel_votes import voxel_index
 from toy_rooms import tiny_grid, tiny_reconstructor
 
 FEATURES = 13

@@ -6,15 +6,17 @@ import pytest
 from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import fit_cloud, voxel_index
+from hilbertvae.cloud import fit_cloud
 from hilbertvae.mappers.constant import ConstantMapper, GapCentreMapper
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.scans.scan import Scans
-from hilbertvae.scoring import protocol as protocol_module
+from hilbertvae.scoring import cases
+from hilbertvae.scoring.cases import occluded_parts
 from hilbertvae.scoring.metrics import METRICS, score
-from hilbertvae.scoring.protocol import Protocol, ceiling, cut_site, evaluate, evaluate_all, occluded_parts
+from hilbertvae.scoring.protocol import Protocol, ceiling, cut_site, evaluate, evaluate_all
 from hilbertvae.site import Site
+from hilbertvae.voxel_votes import voxel_index
 from toy_rooms import box_room, square_room
 
 QUICK = Protocol(gap_seeds=[0, 3], gap_ratio=0.5, cluster_size_m=3.0, occlusion=False)
@@ -299,4 +301,4 @@ def test_protocols_that_score_nothing_are_named(room, change, message):
 
 def test_the_default_gap_is_half_the_papers_cluster():
     assert Protocol().gap_diameter_m == 2.5 and len(Protocol().gap_seeds) == 5
-    assert protocol_module.OCCLUSION_STEP == {2: 10, 3: 3}
+    assert cases.OCCLUSION_STEP == {2: 10, 3: 3}

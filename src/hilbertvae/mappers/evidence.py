@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import voxel_index
+from hilbertvae.voxel_votes import voxel_index
 
 FAR_VOXELS = 2.0
 """Distances are cut off here: the block of neighbours that is searched reaches no farther."""

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hilbertvae.cloud import OCCUPIED_SHARE, Cloud, voxel_index
+from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
 from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN, vote
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.voxel_votes import voxel_index
 
 
 @dataclass(frozen=True)

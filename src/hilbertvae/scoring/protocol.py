@@ -7,21 +7,16 @@ from collections import defaultdict
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError, check_positive
-from hilbertvae.cloud import Cloud, fit_cloud, voxel_index
-from hilbertvae.gaps import INSIDE, OUTSIDE, RIM, Gaps, random_gaps
+from hilbertvae.cloud import Cloud
+from hilbertvae.gaps import Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.scans.scan import Scans
+from hilbertvae.scoring.cases import gap_case, occluded_parts, occlusion_case, voxel_keys
 from hilbertvae.scoring.metrics import precision_recall_curve, score
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 
-OCCLUSION_STEP = {2: 10, 3: 3}
-"""`occluded-sparse` keeps each so many-th scan."""
-OCCLUSION_BANDS_M = ((0.25, 0.5), (0.5, 1.0), (1.0, 2.5))
-OCCLUSION_RANGE_M = (0.5, 2.5)
 CURVE_POINTS = 101
 """Recalls at which the precision-recall curve is kept."""
 
@@ -52,7 +47,8 @@ class Protocol:
 
 def cut_site(site: Site, protocol: Protocol, seed: int) -> Gaps:
     """The gaps of one seed: the same for every mapper."""
-    return random_gaps(site.fit, protocol.gap_diameter_m, site.resolution_m, seed, protocol.centred)
+    key = ("gaps", protocol.gap_diameter_m, protocol.centred, seed)
+    return site.remember(key, lambda: random_gaps(site.fit, protocol.gap_diameter_m, site.resolution_m, seed, protocol.centred))
 
 
 def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper", progress=None) -> Result:
@@ -62,8 +58,6 @@ def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper
     `progress`, if given, is called with a line of text as each seed is done.
     """
     protocol.check()
-    readings = {"points": (site.points, site.points_held_out, ~site.points_held_out)}
-    readings["voxels"] = (site.voxels, site.voxels_held_out, site.voxels_fitted)
     rows: dict = defaultdict(lambda: defaultdict(lambda: defaultdict(list)))
     seconds: dict = defaultdict(list)
     curves: dict = defaultdict(list)
@@ -72,19 +66,20 @@ def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper
         gaps = cut_site(site, protocol, seed)
         every_gap.append({"seed": seed, "centres": gaps.centres.tolist(), "radius_m": gaps.radius_m.tolist()})
         _prepare(mapper, seed, gaps)
-        _fit(mapper, gaps.cut(site.fit), seconds)
-        for reading, (cloud, held_out, fitted) in readings.items():
-            part = gaps.part(cloud.points)
-            regions = {"observed": held_out & (part == OUTSIDE), "fitted": fitted & (part == OUTSIDE), "gaps": part == INSIDE}
-            asked = np.flatnonzero(part != RIM)
-            probability = np.full(len(cloud), np.nan)
-            probability[asked] = _ask(mapper, cloud.points[asked], seconds)
-            for region, chosen in regions.items():
-                _append(rows[reading][region], cloud.occupied[chosen], probability[chosen])
-            inside = regions["gaps"]
-            curves[reading].append(_curve(cloud.occupied[inside], probability[inside]))
+        cases = [site.remember(("gap case", protocol.gap_diameter_m, protocol.centred, seed), lambda gaps=gaps: gap_case(site, gaps))]
         if protocol.occlusion and "centres" not in mapper.get_params():
-            _score_occlusion(mapper, site, seed, rows["voxels"], seconds)
+            for region, kept in occluded_parts(site.scans, seed).items():
+                key = (region, kept.tobytes())
+                cases.append(site.remember(key, lambda region=region, kept=kept: occlusion_case(site, region, kept)))
+        for case in cases:
+            _fit(mapper, case.shown, seconds)
+            for reading, asked in case.asked.items():
+                probability = _ask(mapper, asked.points, seconds)
+                for region, chosen in asked.regions.items():
+                    for metric, value in score(asked.occupied[chosen], probability[chosen]).items():
+                        rows[reading][region][metric].append(value)
+                    if region == "gaps":
+                        curves[reading].append(_curve(asked.occupied[chosen], probability[chosen]))
         if progress:
             found = rows["voxels"]["gaps"]
             progress(f"{name} on {site.name}, gap seed {seed}: gaps F1 {found['f1'][-1]:.3f} AUC {found['auc'][-1]:.3f} (voxels)")
@@ -93,7 +88,7 @@ def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper
         dimension=site.dimension,
         gap_diameter_m=protocol.gap_diameter_m,
         gap_seeds=list(protocol.gap_seeds),
-        ceiling=ceiling(site),
+        ceiling=site.remember("ceiling", lambda: ceiling(site)),
         scores={name: {reading: {region: dict(found) for region, found in regions.items()} for reading, regions in rows.items()}},
         seconds={name: dict(seconds)},
         gaps=every_gap,
@@ -126,11 +121,6 @@ def _ask(mapper: Mapper, queries: np.ndarray, seconds: dict) -> np.ndarray:
     return probability
 
 
-def _append(scores: dict, occupied: np.ndarray, probability: np.ndarray) -> None:
-    for metric, value in score(occupied, probability).items():
-        scores[metric].append(value)
-
-
 def _curve(occupied: np.ndarray, probability: np.ndarray) -> list[float]:
     """Precision at `CURVE_POINTS` recalls from 0 to 1, each the best at that recall or more."""
     if not occupied.any():
@@ -140,42 +130,11 @@ def _curve(occupied: np.ndarray, probability: np.ndarray) -> list[float]:
     return [round(float(p), 5) for p in best[np.searchsorted(recall, np.linspace(0, 1, CURVE_POINTS) - 1e-12)]]
 
 
-def occluded_parts(scans: Scans, seed: int) -> dict[str, np.ndarray]:
-    """The kept returns of each setting, (N,) bool: every tenth scan in 2D and third in 3D, from scan `seed` on; the first half."""
-    step = OCCLUSION_STEP[scans.dimension]
-    return {"occluded-sparse": scans.scan % step == seed % step, "occluded-half": scans.scan < (scans.scan.max() + 1) / 2}
-
-
-def _score_occlusion(mapper: Mapper, site: Site, seed: int, rows: dict, seconds: dict) -> None:
-    """What only the left-out scans saw, by distance from the nearest point of the kept ones (voxels)."""
-    held_out = site.scans.held_out()
-    for region, kept in occluded_parts(site.scans, seed).items():
-        shown = fit_cloud(site.scans.select(kept), site.resolution_m)
-        tree = cKDTree(shown.points)
-        distance, _ = tree.query(site.voxels.points, distance_upper_bound=OCCLUSION_RANGE_M[1], workers=-1)
-        hidden = ~np.isin(_keys(site.voxels.points, site), _keys(shown.points, site))
-        chosen = np.flatnonzero(hidden & (distance >= OCCLUSION_BANDS_M[0][0]) & (distance < OCCLUSION_RANGE_M[1]))
-        _fit(mapper, fit_cloud(site.scans.select(kept & ~held_out), site.resolution_m), seconds)
-        probability = _ask(mapper, site.voxels.points[chosen], seconds)
-        for low, high in (OCCLUSION_RANGE_M, *OCCLUSION_BANDS_M):
-            within = (distance[chosen] >= low) & (distance[chosen] < high)
-            row = region if (low, high) == OCCLUSION_RANGE_M else f"{region}-{low:g}-{high:g}"
-            _append(rows[row], site.voxels.occupied[chosen[within]], probability[within])
-
-
-def _keys(points: np.ndarray, site: Site) -> np.ndarray:
-    """(N,) one number per voxel of the site; beams, and so all clouds, lie between the corners of what was measured and from where."""
-    ends = np.concatenate([site.scans.points, site.scans.origins])
-    low = voxel_index(ends.min(axis=0), site.resolution_m)
-    shape = voxel_index(ends.max(axis=0), site.resolution_m) - low + 1
-    return np.ravel_multi_index(tuple((voxel_index(points, site.resolution_m) - low).T), tuple(shape))
-
-
 def ceiling(site: Site) -> dict[str, dict[str, float]]:
     """Precision and recall on held-out beams of the best vote at the map's own cell size: no map of such cells can call more right."""
     found = {}
     for reading, cloud, held_out in (("points", site.points, site.points_held_out), ("voxels", site.voxels, site.voxels_held_out)):
-        _, cell = np.unique(_keys(cloud.points, site), return_inverse=True)
+        _, cell = np.unique(voxel_keys(cloud.points, site), return_inverse=True)
         hits = np.bincount(cell, weights=cloud.occupied)
         best = (2 * hits >= np.bincount(cell))[cell]
         scores = score(cloud.occupied[held_out], best[held_out].astype(float))
@@ -185,7 +144,8 @@ def ceiling(site: Site) -> dict[str, dict[str, float]]:
 
 def evaluate_all(mappers: dict[str, Mapper], site: Site, protocol: Protocol, progress=None) -> Result:
     """One `Result` of all mappers by name. One that fails is named in `failed`, and the others are scored all the same."""
-    every = Result(site.name, site.dimension, protocol.gap_diameter_m, list(protocol.gap_seeds), ceiling(site), protocol=asdict(protocol))
+    best = site.remember("ceiling", lambda: ceiling(site))
+    every = Result(site.name, site.dimension, protocol.gap_diameter_m, list(protocol.gap_seeds), best, protocol=asdict(protocol))
     for name, mapper in mappers.items():
         try:
             found = evaluate(mapper, site, protocol, name, progress)

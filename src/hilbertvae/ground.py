@@ -1,0 +1,58 @@
+"""The local ground of a 3D site: what most of a street is, so that scores can be split into what lies on it and what stands on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt, grey_opening, median_filter, uniform_filter
+
+from hilbertvae.checks import InputError, check_points
+
+TILE_M = 0.5
+LOWEST_SHARE = 0.1
+"""The height of a tile is that of its returns which has so many below it; a few returns of every site lie underground, by reflection."""
+WIDEST_OBJECT_M = 4.0
+"""Whatever is narrower in one direction, a car or a van, stands on the ground and is no part of it."""
+ABOVE_GROUND_M = 0.4
+"""From this height on a point is above ground (METHOD 7)."""
+MOST_TILES = 2**26
+
+
+@dataclass(frozen=True)
+class Ground:
+    """low: (2,) metres, a corner of the tiles; height_m: (X, Y) of the ground in the middle of each."""
+
+    low: np.ndarray
+    height_m: np.ndarray
+
+    def height_above(self, points: np.ndarray) -> np.ndarray:
+        """(Q,) metres of `points (Q, 3)` above the ground of their tile; beyond the tiles, above that of the nearest one."""
+        tile = np.floor((points[:, :2] - self.low) / TILE_M).astype(np.int64)
+        return points[:, 2] - self.height_m[tuple(np.clip(tile, 0, np.array(self.height_m.shape) - 1).T)]
+
+
+def find_ground(returns: np.ndarray) -> Ground:
+    """The ground below `returns (N, 3)`, metres, z up.
+
+    Low returns of each tile, opened as an image (Serra 1982): what a square of `WIDEST_OBJECT_M` does not fit into is taken away, and
+    slopes stay where they are. Tiles without returns take the nearest one's height. Raises `InputError` for no points, or not 3D.
+    """
+    returns = check_points(returns, "returns", dimension=3)
+    low = returns[:, :2].min(axis=0)
+    tile = np.floor((returns[:, :2] - low) / TILE_M).astype(np.int64)
+    shape = tile.max(axis=0) + 1
+    if shape.prod() > MOST_TILES:
+        raise InputError(f"returns: extent {(shape * TILE_M).tolist()} m is too large for tiles of {TILE_M} m; is there an outlier?")
+    key = np.ravel_multi_index(tuple(tile.T), tuple(shape))
+    order = np.lexsort([returns[:, 2], key])
+    found, start, count = np.unique(key[order], return_index=True, return_counts=True)
+    lowest = returns[order[start + (LOWEST_SHARE * count).astype(np.int64)], 2]
+    height = np.full(shape.prod(), np.nan)
+    height[found] = lowest
+    height = height.reshape(shape)
+    nearest = distance_transform_edt(np.isnan(height), return_distances=False, return_indices=True)
+    size = 2 * round(WIDEST_OBJECT_M / TILE_M / 2) + 1
+    level = median_filter(height[tuple(nearest)], 3, mode="nearest")  # where a tile has few returns, one underground makes a pit
+    opened = grey_opening(level, size=(size, size), mode="nearest")
+    return Ground(low, uniform_filter(opened, 3, mode="nearest"))

@@ -1,0 +1,101 @@
+"""What a mapper is shown of a site, what it is asked, and in which rows the answers count (METHOD 7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from hilbertvae.cloud import Cloud, fit_cloud
+from hilbertvae.gaps import INSIDE, OUTSIDE, Gaps
+from hilbertvae.ground import ABOVE_GROUND_M
+from hilbertvae.scans.scan import Scans
+from hilbertvae.site import Site
+from hilbertvae.voxel_votes import voxel_index
+
+OCCLUSION_STEP = {2: 10, 3: 3}
+"""`occluded-sparse` keeps each so many-th scan."""
+OCCLUSION_BANDS_M = ((0.25, 0.5), (0.5, 1.0), (1.0, 2.5))
+OCCLUSION_RANGE_M = (0.5, 2.5)
+MOST_SCORED = 500_000
+"""Of a larger region so many queries are scored, drawn once: a share of them is known to 0.001. No region of the 2D sites is larger."""
+
+
+@dataclass(frozen=True)
+class Questions:
+    """points: (Q, D) metres; occupied: (Q,) bool, the answers; regions: by name, the indices of the queries that count there."""
+
+    points: np.ndarray
+    occupied: np.ndarray
+    regions: dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Case:
+    """shown: what a mapper is fitted on; asked: questions by reading."""
+
+    shown: Cloud
+    asked: dict[str, Questions]
+
+
+def gap_case(site: Site, gaps: Gaps) -> Case:
+    """What held-out beams saw outside the gaps, what fitted beams saw there, and what the gaps removed."""
+    asked = {}
+    for reading, cloud, held_out, fitted in (
+        ("points", site.points, site.points_held_out, ~site.points_held_out),
+        ("voxels", site.voxels, site.voxels_held_out, site.voxels_fitted),
+    ):
+        part = gaps.part(cloud.points)
+        regions = {"observed": held_out & (part == OUTSIDE), "fitted": fitted & (part == OUTSIDE), "gaps": part == INSIDE}
+        asked[reading] = _questions(site, cloud, {name: np.flatnonzero(chosen) for name, chosen in regions.items()})
+    return Case(gaps.cut(site.fit), asked)
+
+
+def _questions(site: Site, cloud: Cloud, regions: dict[str, np.ndarray]) -> Questions:
+    """Some of each region's points, and in 3D those of `observed` and `gaps` near the ground and above it in rows of their own."""
+    rng = np.random.default_rng(0)
+    regions = {
+        name: chosen if len(chosen) <= MOST_SCORED else np.sort(rng.choice(chosen, MOST_SCORED, replace=False))
+        for name, chosen in regions.items()
+    }
+    if site.dimension == 3:
+        for name in ("observed", "gaps"):
+            above = site.ground.height_above(cloud.points[regions[name]]) > ABOVE_GROUND_M
+            regions |= {f"{name}-above-ground": regions[name][above], f"{name}-near-ground": regions[name][~above]}
+    every = np.unique(np.concatenate(list(regions.values())))
+    return Questions(
+        cloud.points[every], cloud.occupied[every], {name: np.searchsorted(every, chosen) for name, chosen in regions.items()}
+    )
+
+
+def occluded_parts(scans: Scans, seed: int) -> dict[str, np.ndarray]:
+    """The kept returns of each setting, (N,) bool: every tenth scan in 2D and third in 3D, from scan `seed` on; the first half."""
+    step = OCCLUSION_STEP[scans.dimension]
+    return {"occluded-sparse": scans.scan % step == seed % step, "occluded-half": scans.scan < (scans.scan.max() + 1) / 2}
+
+
+def occlusion_case(site: Site, region: str, kept: np.ndarray) -> Case:
+    """What only the scans that are not `kept` saw, by distance from the nearest point of the kept ones (voxels)."""
+    seen = fit_cloud(site.scans.select(kept), site.resolution_m)
+    hidden = np.flatnonzero(~np.isin(voxel_keys(site.voxels.points, site), voxel_keys(seen.points, site)))
+    distance, _ = cKDTree(seen.points).query(site.voxels.points[hidden], distance_upper_bound=OCCLUSION_RANGE_M[1], workers=-1)
+    chosen = (distance >= OCCLUSION_BANDS_M[0][0]) & (distance < OCCLUSION_RANGE_M[1])
+    hidden, distance = hidden[chosen], distance[chosen]
+    if len(hidden) > MOST_SCORED:
+        some = np.sort(np.random.default_rng(0).choice(len(hidden), MOST_SCORED, replace=False))
+        hidden, distance = hidden[some], distance[some]
+    regions = {}
+    for low, high in (OCCLUSION_RANGE_M, *OCCLUSION_BANDS_M):
+        row = region if (low, high) == OCCLUSION_RANGE_M else f"{region}-{low:g}-{high:g}"
+        regions[row] = np.flatnonzero((distance >= low) & (distance < high))
+    shown = fit_cloud(site.scans.select(kept & ~site.scans.held_out()), site.resolution_m)
+    return Case(shown, {"voxels": Questions(site.voxels.points[hidden], site.voxels.occupied[hidden], regions)})
+
+
+def voxel_keys(points: np.ndarray, site: Site) -> np.ndarray:
+    """(N,) one number per voxel of the site; beams, and so all clouds, lie between the corners of what was measured and from where."""
+    scans = site.scans
+    low = voxel_index(np.minimum(scans.points.min(axis=0), scans.origins.min(axis=0)), site.resolution_m)
+    shape = voxel_index(np.maximum(scans.points.max(axis=0), scans.origins.max(axis=0)), site.resolution_m) - low + 1
+    return np.ravel_multi_index(tuple((voxel_index(points, site.resolution_m) - low).T), tuple(shape))

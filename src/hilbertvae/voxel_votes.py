@@ -1,0 +1,121 @@
+"""How often beams ended in each voxel, and how often they passed: what every cloud of a site is made from (METHOD 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hilbertvae.checks import InputError, check_positive
+from hilbertvae.scans.scan import Scans
+
+SAMPLES_AT_ONCE = 4_000_000
+
+
+def voxel_index(points: np.ndarray, resolution_m: float) -> np.ndarray:
+    """(N, D) int64: the voxel of each point, on the lattice through the map's origin."""
+    return np.floor(points / resolution_m).astype(np.int64)
+
+
+@dataclass(frozen=True)
+class VoxelVotes:
+    """Sums over the samples in each voxel seen. index: (V, D) int64; hits, frees: (V,) counts; hit_mean, free_mean: (V, D) metres."""
+
+    index: np.ndarray
+    hits: np.ndarray
+    frees: np.ndarray
+    hit_mean: np.ndarray
+    free_mean: np.ndarray
+    resolution_m: float
+
+    def merged(self, other: VoxelVotes) -> VoxelVotes:
+        """The votes of both, as if their beams had been sampled together."""
+        both = np.concatenate([self.index, other.index])
+        first = both.min(axis=0)
+        shape = tuple(both.max(axis=0) - first + 1)
+        keys, position = np.unique(np.ravel_multi_index(tuple((both - first).T), shape), return_inverse=True)
+        index = np.stack(np.unravel_index(keys, shape), axis=1) + first
+        corner = first * self.resolution_m
+        counts, means = [], []
+        for count, mean in (("hits", "hit_mean"), ("frees", "free_mean")):
+            weight = np.concatenate([getattr(self, count), getattr(other, count)])
+            local = np.concatenate([getattr(self, mean), getattr(other, mean)]) - corner
+            counts.append(np.bincount(position, weights=weight, minlength=len(keys)))
+            sums = np.stack([np.bincount(position, weights=weight * axis, minlength=len(keys)) for axis in local.T], axis=1)
+            means.append(_means(counts[-1], sums, corner, index, self.resolution_m))
+        return VoxelVotes(index, *counts, *means, self.resolution_m)
+
+
+def voxel_votes(scans: Scans, resolution_m: float) -> VoxelVotes:
+    """Returns, and beams sampled every voxel length up to one cell before the return, gathered by voxel.
+
+    Works through the beams in portions, so that the free samples of all of them (1.5e8 for a long log) never lie in memory at once.
+    """
+    check_positive(resolution_m, "resolution_m")
+    if not len(scans):
+        raise InputError("scans: expected at least one return, got none")
+    # Means are taken relative to the corner: with UTM coordinates a sum of thousands would lose digits.
+    low = np.minimum(scans.points.min(axis=0), scans.origins.min(axis=0))
+    high = np.maximum(scans.points.max(axis=0), scans.origins.max(axis=0))
+    first = voxel_index(low, resolution_m)
+    shape = voxel_index(high, resolution_m) - first + 1
+    if np.prod(shape.astype(float)) > 2**62:
+        raise InputError(f"scans: extent {(high - low).tolist()} m is too large for voxels of {resolution_m} m")
+
+    def sums(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        key = np.ravel_multi_index(tuple((voxel_index(samples, resolution_m) - first).T), tuple(shape))
+        return _summed(key, [np.ones(len(key)), *(samples - low).T])
+
+    hit_keys, hit_sums = sums(scans.points)
+    free_keys, free_sums = np.empty(0, np.int64), np.empty((0, 1 + scans.dimension))
+    for samples in _free_samples(scans, resolution_m):
+        found, portion = sums(samples)
+        free_keys, free_sums = _summed(np.concatenate([free_keys, found]), np.concatenate([free_sums, portion]).T)
+
+    keys = np.union1d(hit_keys, free_keys)
+    index = np.stack(np.unravel_index(keys, tuple(shape)), axis=1) + first
+    counts, means = [], []
+    for own, total in ((hit_keys, hit_sums), (free_keys, free_sums)):
+        every = np.zeros((len(keys), 1 + scans.dimension))
+        every[np.searchsorted(keys, own)] = total
+        counts.append(every[:, 0])
+        means.append(_means(every[:, 0], every[:, 1:], low, index, resolution_m))
+    return VoxelVotes(index, *counts, *means, resolution_m)
+
+
+def _summed(key: np.ndarray, columns) -> tuple[np.ndarray, np.ndarray]:
+    """The distinct keys (K,), ascending, and the sums (K, C) of the `columns` over the rows that share one."""
+    if not len(key):
+        return key, np.empty((0, len(columns)))
+    order = np.argsort(key)
+    ordered = key[order]
+    starts = np.flatnonzero(np.append(True, np.diff(ordered) != 0))
+    return ordered[starts], np.stack([np.add.reduceat(column[order], starts) for column in columns], axis=1)
+
+
+def _means(count: np.ndarray, sums: np.ndarray, low: np.ndarray, index: np.ndarray, resolution_m: float) -> np.ndarray:
+    """(V, D) metres, in their own voxels: rounding carries the mean of samples on a voxel's side across it, out of reach of its gap."""
+    mean = sums / np.maximum(count, 1)[:, None] + low
+    across = voxel_index(mean, resolution_m) != index
+    return mean + np.where(across, 1e-6 * ((index + 0.5) * resolution_m - mean), 0.0)
+
+
+def _free_samples(scans: Scans, resolution_m: float) -> Iterator[np.ndarray]:
+    """Portions (S, D) of the points at every voxel length along the beams."""
+    direction = scans.points - scans.origins
+    length = np.linalg.norm(direction, axis=1)
+    free = np.maximum(np.floor(length / resolution_m - 0.5), 0).astype(np.int64)
+    portion = np.cumsum(free) // SAMPLES_AT_ONCE
+    for start, end in _runs(portion):
+        count = free[start:end]
+        beam = np.repeat(np.arange(start, end), count)
+        step = np.arange(len(beam)) - np.repeat(np.cumsum(count) - count, count)
+        fraction = (step + 0.5) * resolution_m / length[beam]
+        yield scans.origins[beam] + direction[beam] * fraction[:, None]
+
+
+def _runs(values: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Start and end of each run of equal values."""
+    edges = np.flatnonzero(np.diff(values)) + 1
+    yield from zip([0, *edges.tolist()], [*edges.tolist(), len(values)], strict=True)
