@@ -21,12 +21,18 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.canvas import save_picture
 from hilbertvae.reports.cluster_pictures import gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
 from hilbertvae.reports.comparison import occlusion_table, pairwise_table
+from hilbertvae.reports.lit_colours import surface_colours
+from hilbertvae.reports.mesh_tab import add_surface
 from hilbertvae.reports.paper_table import paper_table
 from hilbertvae.reports.provenance import git_state, provenance
 from hilbertvae.reports.result_json import write_result
 from hilbertvae.reports.score_pictures import precision_recall_picture, reliability_picture
 from hilbertvae.reports.score_table import markdown_scores, print_scores
 from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
+from hilbertvae.reports.site_view import SiteView
+from hilbertvae.reports.slice_pictures import slice_picture
+from hilbertvae.reports.surface import Surface, extract_surface, write_ply
+from hilbertvae.reports.surface_pictures import close_up_picture, site_view_picture
 from hilbertvae.reports.tensorboard import write_tensorboard
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
@@ -69,16 +75,21 @@ class Report:
             tables = [markdown_scores(result), pairwise_table(result), occlusion_table(result), paper_table(result)]
             temporary.write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
         print_scores(result, Console())
-        figures = self._figures(result, site, mappers) if self.pictures and result.scores else {}
+        figures, surface = self._figures(result, site, mappers) if self.pictures and result.scores else ({}, None)
         for tag, figure in figures.items():
             save_picture(figure, folder / "pictures" / f"{tag}.png")
         with SummaryWriter(str(self.folder / "tensorboard")) as writer:
             write_tensorboard(writer, result, {f"{site.name}/{tag}": figure for tag, figure in figures.items()}, self.config)
+            if surface and len(surface):
+                write_ply(folder / "surface.ply", surface, surface_colours(surface, site.ground))
+                add_surface(writer, f"{site.name}/surface", surface, ground=site.ground)
         self.failed.update({f"{name} on {site.name}": why for name, why in result.failed.items()})
         if figures:
             print(f"Pictures: {folder / 'pictures'}")
 
-    def _figures(self, result: Result, site: Site, mappers: Mapping[str, Mapper]) -> dict[str, Figure]:
+    def _figures(self, result: Result, site: Site, mappers: Mapping[str, Mapper]) -> tuple[dict[str, Figure], Surface | None]:
+        """Pictures by name, and in 3D the surface of our map, or of a rival's where ours is not there."""
+        surface = None
         figures = {"precision_recall": precision_recall_picture(result)}
         gaps = gaps_of(result, site, result.gap_seeds[0])
         figures["sites"] = contact_sheet([*self.others(), (site, "test")])
@@ -93,14 +104,20 @@ class Report:
                 mapper.set_params(seed=result.gap_seeds[0])
             fitted[name] = mapper.fit(shown.points, shown.occupied, shown.weight)
         if fitted:
-            maps = SiteMaps.draw(site, gaps, fitted)
-            figures |= {"map": site_map_picture(maps), "gaps": gap_zoom_picture(maps)}
+            if site.dimension == 3:
+                mapper = fitted[ours or rival]
+                surface = extract_surface(lambda queries: mapper.predict_proba(queries)[:, 1], shown, site.resolution_m)
+                view = SiteView.draw(site, gaps, mapper)
+                figures |= {"map": site_view_picture(view), "gaps": close_up_picture(view), "slices": slice_picture(view)}
+            else:
+                maps = SiteMaps.draw(site, gaps, fitted)
+                figures |= {"map": site_map_picture(maps), "gaps": gap_zoom_picture(maps)}
             inside = site.voxels.select(gaps.part(site.voxels.points) == INSIDE)
             answers = {name: (inside.occupied, m.predict_proba(inside.points)[:, 1]) for name, m in fitted.items()}
             figures["reliability"] = reliability_picture(answers, f"{site.name}, voxels in gaps")
         if ours:
             figures |= _network_figures(fitted[ours], site, gaps)
-        return figures
+        return figures, surface
 
     def close(self) -> int:
         """Say where everything is; the exit code, 1 if a mapper failed."""

@@ -29,7 +29,7 @@ ZOOM = 2.0
 def contact_sheet(sites: Sequence[tuple[Site, str]], columns: int = 4, height_m: float | None = None) -> Figure:
     """Each site's voxels, free light, occupied dark, unknown grey, under its name and role; `sites` are (site, role).
 
-    height_m: of the slice through 3D sites; the middle of each site unless given.
+    height_m: of the slice through 3D sites; 1 m above the middle height of the ground unless given.
     """
     columns = min(columns, len(sites))
     rows = math.ceil(len(sites) / columns)
@@ -50,7 +50,7 @@ def contact_sheet(sites: Sequence[tuple[Site, str]], columns: int = 4, height_m:
 def _height(site: Site, height_m: float | None) -> float | None:
     if site.dimension == 2 or height_m is not None:
         return height_m
-    return float(np.median(site.voxels.points[site.voxels.occupied, 2]))
+    return float(np.median(site.ground.height_m)) + 1.0
 
 
 def _padding(shape: tuple[int, int]) -> list[tuple[int, int]]:

@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+from matplotlib.patches import Circle
+from reports_scenes import street, street_gaps
+
+from hilbertvae.mappers.nearest import NearestMapper
+from hilbertvae.reports import surface_pictures
+from hilbertvae.reports.canvas import pixels
+from hilbertvae.reports.site_view import SiteView
+from hilbertvae.reports.surface_pictures import close_up_picture, site_view_picture
+
+
+@pytest.fixture(scope="module")
+def view():
+    site, gaps = street(), street_gaps()
+    shown = gaps.cut(site.fit)
+    return SiteView.draw(site, gaps, NearestMapper(1).fit(shown.points, shown.occupied))
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    """Large enough to be drawn, small enough to be quick."""
+    monkeypatch.setattr(surface_pictures, "PANEL_PX", 400)
+    monkeypatch.setattr(surface_pictures, "CLOSE_UP_PX", (240, 200))
+
+
+def circles(axes):
+    return [patch for patch in axes.patches if isinstance(patch, Circle)]
+
+
+def test_site_view_outlines_every_gap(view):
+    figure = site_view_picture(view)
+    panels = [axes for axes in figure.axes if axes.images]
+    assert len(panels) == 4
+    assert [circle.radius for circle in circles(panels[0])] == view.gaps.radius_m.tolist()
+    assert panels[0].get_title(loc="left") == "street, shown: 3 gaps cut"
+    sizes = {axes.images[0].get_array().shape for axes in panels}
+    assert len(sizes) == 1
+    assert pixels(figure).std() > 5
+
+
+def test_close_ups_share_a_view_in_each_row(view):
+    figure = close_up_picture(view)
+    panels = [axes for axes in figure.axes if axes.images]
+    assert len(panels) == 3 * 2
+    assert [axes.get_title(loc="right") for axes in panels[:3]] == ["shown", "truth", "map"]
+    assert panels[0].get_title(loc="left").startswith("gap 1: as large as a car")
+    for line in (panels[:3], panels[3:]):
+        (centre,) = {tuple(circle.center) for axes in line for circle in circles(axes)}
+        left, right = line[0].get_xlim()
+        assert left < centre[0] < right
+        shown, truth, _ = (np.asarray(axes.images[0].get_array()).astype(int) for axes in line)
+        assert (shown != truth).any()
+        green = (truth[..., 1] > truth[..., 0] + 60) & (truth[..., 1] > truth[..., 2] + 15)
+        assert green.any()
+
+
+def test_close_ups_of_chosen_gaps(view):
+    figure = close_up_picture(view, {2: "bare ground"})
+    assert figure.axes[0].get_title(loc="left") == "gap 3: bare ground"
