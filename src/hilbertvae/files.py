@@ -48,6 +48,19 @@ def file_sha256(path: str | os.PathLike) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def folder_sha256(folder: str | os.PathLike) -> str:
+    """The sha256, in hex, of the names and hashes of all files below a folder."""
+    folder = Path(folder)
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    lines = (f"{path.relative_to(folder).as_posix()} {file_sha256(path)}\n" for path in files)
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+def path_sha256(path: str | os.PathLike) -> str:
+    """The sha256 of a file, or of a folder's names and files."""
+    return folder_sha256(path) if Path(path).is_dir() else file_sha256(path)
+
+
 def hash_of(content: object, digits: int = 16) -> str:
     """The first hex digits of the sha256 of `content` as canonical JSON: the same content, the same name."""
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=str).encode()).hexdigest()[:digits]

@@ -1,0 +1,82 @@
+"""Scans from a path: the format is guessed from it, and everything else has a default."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.carmen import read_carmen
+from hilbertvae.scans.file_points import check_reading
+from hilbertvae.scans.kitti import is_kitti, read_kitti
+from hilbertvae.scans.point_files import READERS, read_point_file
+from hilbertvae.scans.scan import Scans
+from hilbertvae.scans.scan_folder import read_scan_folder
+
+CARMEN = (".log", ".log.gz")
+
+
+@dataclass
+class ReadingSettings:
+    """How a path is read. What is left unset is the format's own: its reader has the default."""
+
+    max_range_m: float | None = None
+    """Metres. Beams as long as this and longer are dropped: 30 for CARMEN logs, 80 for everything else."""
+    min_range_m: float | None = None
+    """Metres. Beams as short as this and shorter are dropped: 2.5 for KITTI's layout, 0 for everything else."""
+    every: int = 1
+    """Each so many-th scan is read."""
+    sensor_origin_m: list[float] | None = None
+    """Metres, file frame. Where the beams of a single point file started, if it does not say: [0, 0, 0] in a sensor's own frame."""
+    beam_origin: str = "centre"
+    """Where a scan's beams start, for a folder of scans: `centre`, `hdl64`, or three numbers in metres, sensor frame, as '0, 0, 0.2'."""
+
+
+def is_scan_path(reference: str) -> bool:
+    """Whether a reference is a path and no name of a catalogue: it has a separator, or ends as a file of scans does.
+
+    The disk is not asked, so a reference means the same wherever it is used; a folder beside is `./name`.
+    """
+    separators = [mark for mark in (os.sep, os.altsep) if mark]
+    return reference in (".", "..") or any(mark in reference for mark in separators) or reference.lower().endswith((*READERS, *CARMEN))
+
+
+def read_scans_path(path: str | os.PathLike, reading: ReadingSettings | None = None) -> Scans:
+    """The scans at a path: a CARMEN log, a folder of scans with poses (KITTI's layout among them), or a single point file.
+
+    Raises `InputError` for a path that is not there, an unknown extension, a setting that does not go with the format, and files that
+    can't be read.
+    """
+    path, reading = Path(path), reading or ReadingSettings()
+    ranges = {key: value for key in ("max_range_m", "min_range_m") if (value := getattr(reading, key)) is not None}
+    if path.name.lower().endswith(CARMEN):
+        _refuse(path, "a CARMEN log", reading, "sensor_origin_m", "beam_origin")
+        return _carmen(path, reading.every, **ranges)
+    if path.is_dir():
+        _refuse(path, "a folder of scans", reading, "sensor_origin_m")
+        read = read_kitti if is_kitti(path) else read_scan_folder
+        return read(path, beam_origin=reading.beam_origin, every=reading.every, **ranges)
+    if path.suffix.lower() in READERS:
+        _refuse(path, "a single point file", reading, "beam_origin")
+        return read_point_file(path, reading.sensor_origin_m, every=reading.every, **ranges)
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {' '.join((*CARMEN, *READERS))}, and folders of scans")
+
+
+def _carmen(path: Path, every: int, max_range_m: float | None = None, min_range_m: float = 0.0) -> Scans:
+    check_reading(min_range_m, np.inf if max_range_m is None else max_range_m, every)
+    scans = read_carmen(path, every=every) if max_range_m is None else read_carmen(path, max_range_m, every)
+    kept = np.sqrt(np.square(scans.points - scans.origins).sum(axis=1)) > min_range_m
+    if not kept.any():
+        raise InputError(f"{path}: expected ranges above {min_range_m} m, found none")
+    return scans.select(kept)
+
+
+def _refuse(path: Path, kind: str, reading: ReadingSettings, *names: str) -> None:
+    for name in names:
+        if getattr(reading, name) != getattr(ReadingSettings(), name):
+            raise InputError(f"reading.{name}: {path} is {kind}, where this has no meaning; leave it unset")

@@ -1,0 +1,39 @@
+"""Reader of the layout of KITTI odometry: `velodyne/NNNNNN.bin` and `poses.txt`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.scan import Scans
+from hilbertvae.scans.scan_folder import POSES, read_posed_scans, scan_files
+
+VELODYNE = "velodyne"
+
+
+def is_kitti(folder: str | os.PathLike) -> bool:
+    """Whether a folder has this layout."""
+    return (Path(folder) / VELODYNE).is_dir()
+
+
+def read_kitti(
+    folder: str | os.PathLike,
+    beam_origin: str | Sequence[float] = "centre",
+    max_range_m: float = 80.0,
+    min_range_m: float = 2.5,
+    every: int = 1,
+) -> Scans:
+    """The scans of a drive, as `read_scan_folder` reads them; `beam_origin='hdl64'` is KITTI's own sensor.
+
+    Beams of up to `min_range_m` ended on the car that carries the sensor. Raises `InputError` for a folder of another layout,
+    for another number of poses than of scans, and for files that can't be read.
+    """
+    folder = Path(folder)
+    if not is_kitti(folder):
+        raise InputError(f"{folder}: expected KITTI's layout, {VELODYNE}/NNNNNN.bin and {POSES}; there is no folder {VELODYNE}")
+    files = scan_files(folder / VELODYNE)
+    if files[0].suffix.lower() != ".bin":
+        raise InputError(f"{folder / VELODYNE}: expected .bin scans, found {files[0].suffix}")
+    return read_posed_scans(files, folder / POSES, beam_origin, max_range_m, min_range_m, every)

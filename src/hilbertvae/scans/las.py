@@ -1,0 +1,118 @@
+"""Reader of LAS files, and of LAZ files through laspy in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, points_extra, reading
+
+HEADER_BYTES = 375
+RECORD_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
+"""The shortest record of each point format."""
+LAZ_TIMEOUT_S = 60.0
+"""What unpacking may take beyond a second per megabyte, at which even a slow machine has long finished."""
+
+
+@dataclass(frozen=True)
+class _Header:
+    size: int
+    start: int
+    count: int
+    record_bytes: int
+    scale: np.ndarray
+    offset: np.ndarray
+    packed: bool
+
+
+def read_las(path: str | os.PathLike) -> FilePoints:
+    """The points, metres, file frame (often UTM: float64 keeps the centimetre). LAS has no place for an origin.
+
+    No backend of laspy stands a damaged LAZ file: laszip writes where it should not and lazrs ends the interpreter. So LAZ is
+    unpacked in a process of its own with a limit on memory and time. Raises `InputError` for files that are missing, foreign or damaged.
+    """
+    path = Path(path)
+    with reading(path, "a LAS or LAZ file"), open(path, "rb") as file:
+        header = _header(path, file)
+        if header.packed:
+            counts = _unpacked_apart(path, file, header)
+        else:
+            check_fits(path, "the header's points", header.count * header.record_bytes, header.size - header.start)
+            axes = {"names": ["x", "y", "z"], "formats": ["<i4"] * 3, "offsets": [0, 4, 8], "itemsize": header.record_bytes}
+            file.seek(header.start)
+            rows = np.fromfile(file, np.dtype(axes), header.count)
+            counts = np.column_stack([rows[axis] for axis in "xyz"])
+        return FilePoints(counts * header.scale + header.offset)
+
+
+def _header(path: Path, file) -> _Header:
+    start, size = file.read(HEADER_BYTES), os.fstat(file.fileno()).st_size
+    if not start.startswith(b"LASF"):
+        raise InputError(f"{path}: expected a LAS or LAZ file, which starts with 'LASF'")
+    check_fits(path, "the header", 227, len(start))
+    major, minor = start[24], start[25]
+    header_bytes, data_start, blocks, form, record_bytes, count = struct.unpack_from("<HIIBHI", start, 94)
+    if major != 1 or minor > 4:
+        raise InputError(f"{path}: expected LAS 1.0 to 1.4, got {major}.{minor}")
+    if minor == 4:
+        check_fits(path, "the header", HEADER_BYTES, len(start))
+        (count,) = struct.unpack_from("<Q", start, 247)
+    if not header_bytes <= data_start <= size or blocks * 54 > data_start:
+        raise InputError(f"{path}: truncated or forged; the points start at byte {data_start} after {blocks} blocks, of {size} bytes")
+    # Bit 7 marks packed points; bit 6 stays set while a file is being packed.
+    packed, form = bool(form & 0xC0), form & 0x3F
+    if form >= len(RECORD_BYTES) or record_bytes < RECORD_BYTES[form]:
+        raise InputError(f"{path}: expected a point format of 0 to 10 and its record, got format {form} of {record_bytes} bytes")
+    numbers = np.frombuffer(start, "<f8", 6, 131)
+    if not np.isfinite(numbers).all() or (numbers[:3] <= 0).any() or np.abs(numbers).max() > 1e12:
+        raise InputError(f"{path}: expected positive scales and finite offsets, got {numbers.tolist()}")
+    return _Header(size, data_start, count, record_bytes, numbers[:3], numbers[3:], packed)
+
+
+def _unpacked_apart(path: Path, file, header: _Header) -> np.ndarray:
+    """(N, 3) int32, counts of scale, of a LAZ file whose claims are sound enough to try."""
+    points_extra("laspy"), points_extra("lazrs")
+    unpacked = header.count * header.record_bytes
+    check_expansion(path, "the header's points", unpacked, header.size - header.start)
+    if not header.count:
+        return np.empty((0, 3), np.int32)
+    _check_chunks(path, file, header)
+    command = [sys.executable, "-P", str(Path(__file__).with_name("laz_process.py")), str(path), str(unpacked)]
+    try:
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            stdin=subprocess.DEVNULL,
+            timeout=LAZ_TIMEOUT_S + unpacked / 1e6,
+            # BLAS would set aside memory for each of its threads.
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "RUST_BACKTRACE": "0"},
+        )
+    except subprocess.TimeoutExpired as error:
+        raise InputError(f"{path}: damaged LAZ file; unpacking it did not end within {error.timeout:.0f} s") from error
+    if done.returncode or len(done.stdout) != 12 * header.count:
+        last = done.stderr.decode("latin1").strip().splitlines()[-1:]
+        raise InputError(f"{path}: damaged LAZ file, can't be unpacked ({' '.join(last)[:200] or f'exit status {done.returncode}'})")
+    return np.frombuffer(done.stdout, np.int32).reshape(3, -1).T
+
+
+def _check_chunks(path: Path, file, header: _Header) -> None:
+    """An `InputError` unless the table of chunks is in the file and has no more chunks than there are points."""
+    check_fits(path, "the place of the chunk table", 8, header.size - header.start)
+    file.seek(header.start)
+    (table,) = struct.unpack("<q", file.read(8))
+    if table == -1:  # written as a stream: the place is at the end
+        file.seek(header.size - 8)
+        (table,) = struct.unpack("<q", file.read(8))
+    if not header.start + 8 <= table <= header.size - 8:
+        raise InputError(f"{path}: truncated or forged; the chunk table would be at byte {table} of {header.size}")
+    file.seek(table)
+    _, chunks = struct.unpack("<II", file.read(8))
+    if chunks > header.count:
+        raise InputError(f"{path}: damaged LAZ file; {chunks} chunks claimed for {header.count} points")

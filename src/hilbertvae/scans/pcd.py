@@ -1,0 +1,82 @@
+"""Reader of PCD files (ASCII, binary or compressed), through pypcd4."""
+
+from __future__ import annotations
+
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, points_extra, reading
+
+MAX_VALUES = 1024
+"""Numbers a point may have; pypcd4 makes a name for each before it looks at the data."""
+DEFAULT_VIEWPOINT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+"""tx ty tz qw qx qy qz: what writers put that don't know where the sensor stood."""
+
+
+def read_pcd(path: str | os.PathLike) -> FilePoints:
+    """The points, metres, file frame: NaN rows are the no-returns of an organised cloud. 2D where the file has no field z.
+
+    A VIEWPOINT that is not the default gives the origin: the place of the sensor in the frame of the points, as PCL's normals and
+    range images take it. Its quaternion says where the sensor looked, which rays don't need; the points are not turned by it.
+    Raises `InputError` for a file that is missing, foreign, or shorter than its header says.
+    """
+    path, pypcd4 = Path(path), points_extra("pypcd4.pypcd4")
+    with reading(path, "a PCD file"):
+        with open(path, "rb") as file:
+            header = pypcd4.MetaData.parse_header(_header_lines(file))
+            names = _check(path, file, header)
+        rows = np.atleast_1d(pypcd4.PointCloud.from_path(path).pc_data)
+        if len(rows) != header.points:
+            raise InputError(f"{path}: truncated or forged; {header.points} points declared, {len(rows)} found")
+        points = np.column_stack([rows[name].astype(np.float64) for name in names])
+        return FilePoints(points, None if header.viewpoint == DEFAULT_VIEWPOINT else _origin(path, header, len(names)))
+
+
+def _header_lines(file) -> list[str]:
+    """The header's lines and the file at its data, as pypcd4 takes them: up to DATA, ten lines at most, comments left out."""
+    lines = []
+    for line in file:
+        text = line.decode("utf-8").strip()
+        if text and not text.startswith("#"):
+            lines.append(text)
+            if text.startswith("DATA") or len(lines) >= 10:
+                break
+    return lines
+
+
+def _check(path: Path, file, header) -> list[str]:
+    """The names of the coordinates' fields; an `InputError` where the header contradicts itself or the file's size."""
+    if len({len(header.fields), len(header.size), len(header.type), len(header.count)}) > 1:
+        raise InputError(f"{path}: expected FIELDS, SIZE, TYPE and COUNT of one length")
+    if sum(header.count) > MAX_VALUES:
+        raise InputError(f"{path}: expected at most {MAX_VALUES} numbers a point, the header claims {sum(header.count)}")
+    if header.points != header.width * header.height:
+        raise InputError(f"{path}: POINTS is {header.points}, WIDTH times HEIGHT {header.width * header.height}")
+    single = {field for field, count in zip(header.fields, header.count, strict=True) if count == 1}
+    if not {"x", "y"} <= single:
+        raise InputError(f"{path}: expected fields x, y (and z), the header has {' '.join(header.fields)[:60]}")
+    unpacked, there = header.points * header.build_dtype().itemsize, os.fstat(file.fileno()).st_size - file.tell()
+    kind = header.data.value
+    if kind == "ascii":
+        check_fits(path, "the header's points", 2 * header.points * sum(header.count), there + 1)
+    elif kind == "binary":
+        check_fits(path, "the header's points", unpacked, there)
+    elif header.points:
+        check_fits(path, "the sizes of the packed points", 8, there)
+        packed, claimed = struct.unpack("<II", file.read(8))
+        check_fits(path, "the packed points", packed, there - 8)
+        if claimed != unpacked:
+            raise InputError(f"{path}: the header's points take {unpacked} bytes, the packed ones claim {claimed}")
+        check_expansion(path, "the packed points", unpacked, packed)
+    return [name for name in "xyz" if name in single]
+
+
+def _origin(path: Path, header, dimension: int) -> np.ndarray:
+    origin = np.array(header.viewpoint[:dimension], dtype=np.float64)
+    if not np.isfinite(origin).all():
+        raise InputError(f"{path}: expected a finite VIEWPOINT, got {header.viewpoint}")
+    return origin

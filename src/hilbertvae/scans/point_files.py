@@ -1,0 +1,103 @@
+"""Single files of points (PLY, PCD, LAS, LAZ, text, NPZ, KITTI's .bin) as scans."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.file_points import FilePoints, check_reading, within_range
+from hilbertvae.scans.las import read_las
+from hilbertvae.scans.npz import read_npz
+from hilbertvae.scans.pcd import read_pcd
+from hilbertvae.scans.ply import read_ply
+from hilbertvae.scans.point_text import read_point_text
+from hilbertvae.scans.scan import Scans
+from hilbertvae.scans.velodyne import read_velodyne
+
+READERS: dict[str, Callable[[Path], FilePoints]] = {
+    ".bin": read_velodyne,
+    ".csv": read_point_text,
+    ".las": read_las,
+    ".laz": read_las,
+    ".npz": read_npz,
+    ".pcd": read_pcd,
+    ".ply": read_ply,
+    ".txt": read_point_text,
+    ".xyz": read_point_text,
+}
+
+
+def read_points(path: str | os.PathLike) -> FilePoints:
+    """The returns of one file, by its extension; an `InputError` for an unknown one and for a file without a single return."""
+    path = Path(path)
+    if path.suffix.lower() not in READERS:
+        raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {' '.join(READERS)}")
+    found = READERS[path.suffix.lower()](path)
+    if not len(found.points):
+        raise InputError(f"{path}: expected at least one point, found none")
+    returned = np.isfinite(found.points).all(axis=1)
+    if not returned.any():
+        raise InputError(f"{path}: expected returns, found {len(found.points)} points and all of them NaN or inf")
+    if found.origins is not None and not np.isfinite(found.origins if found.origins.ndim == 1 else found.origins[returned]).all():
+        raise InputError(f"{path}: expected finite origins")
+    return found
+
+
+def read_point_file(
+    path: str | os.PathLike,
+    sensor_origin_m: Sequence[float] | None = None,
+    max_range_m: float = 80.0,
+    min_range_m: float = 0.0,
+    every: int = 1,
+) -> Scans:
+    """The returns of one file, whose frame is the map frame. One file is one scan unless it has scan numbers (NPZ).
+
+    The beams start where the file says, else at `sensor_origin_m` (D numbers, metres, file frame), which is (0, 0, 0) for a cloud in
+    its sensor's frame. Without either there are no rays, and nothing is made up: that is an `InputError`, as are damaged files.
+    A beam as long as `max_range_m` and more, as short as `min_range_m` and less, or without a return (NaN) is dropped. `every` keeps
+    each so many-th scan. Beams are numbered in the file's order within each scan, dropped ones included.
+    """
+    check_reading(min_range_m, max_range_m, every)
+    found = read_points(path)
+    origins = np.broadcast_to(_origin(path, found, sensor_origin_m), found.points.shape)
+    order, scan, beam = _sweeps(found)
+    kept = within_range(found.points[order], origins[order], min_range_m, max_range_m) & (scan % every == 0)
+    if not kept.any():
+        raise InputError(
+            f"{path}: expected beams of {min_range_m} to {max_range_m} m, found none among {len(found.points)}; "
+            f"the first starts at {origins[0].tolist()} and ends at {found.points[0].tolist()}"
+        )
+    order = order[kept]
+    return Scans(found.points[order], origins[order], (scan[kept] // every).astype(np.int32), beam[kept].astype(np.int32))
+
+
+def _origin(path, found: FilePoints, sensor_origin_m: Sequence[float] | None) -> np.ndarray:
+    if found.origins is not None:
+        return found.origins
+    dimension = found.points.shape[1]
+    if sensor_origin_m is None:
+        raise InputError(
+            f"{path}: says not where its beams started; set reading.sensor_origin_m to {dimension} numbers in metres, in the file's frame "
+            f"({[0] * dimension} for a cloud in its sensor's frame)"
+        )
+    try:
+        origin = np.array([float(number) for number in sensor_origin_m])
+    except (TypeError, ValueError):
+        origin = np.empty(0)
+    if origin.shape != (dimension,) or not np.isfinite(origin).all():
+        raise InputError(f"reading.sensor_origin_m: expected {dimension} numbers in metres for {path}, got {sensor_origin_m!r}")
+    return origin
+
+
+def _sweeps(found: FilePoints) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The order that puts a file's returns scan by scan, their scans from 0 without gaps, and their places within them."""
+    order = np.arange(len(found.points))
+    if found.scan is None:
+        return order, np.zeros(len(order), np.int64), order
+    order = np.argsort(found.scan, kind="stable")
+    _, first, scan = np.unique(found.scan[order], return_index=True, return_inverse=True)
+    return order, scan, np.arange(len(order)) - first[scan]

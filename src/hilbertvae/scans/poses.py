@@ -1,0 +1,69 @@
+"""Reader of `poses.txt`: one sensor-to-map pose a line, as KITTI (12 numbers) or TUM (8 numbers) write them."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.file_points import reading
+
+RIGID = 1e-3
+"""How far R R^T may be from 1, and a quaternion's length from 1: files are written with 6 digits and fewer."""
+FARTHEST_M = 1e9
+"""No place on Earth is as far from the origin of any frame; beyond, float64 loses the millimetre."""
+
+
+def read_poses(path: str | os.PathLike) -> np.ndarray:
+    """(S, 3, 4) float64: rotation and translation in metres that take scan k from the sensor frame to the map frame.
+
+    A line is a 3 x 4 matrix row by row, or `t x y z qx qy qz qw`; all lines are of one kind. Empty lines and those that start with #
+    are passed over. Raises `InputError` with the line's number for anything else, and for a matrix or quaternion that is no rotation.
+    """
+    path = Path(path)
+    poses, width = [], None
+    with reading(path, "poses, 12 numbers a line (or 8, as TUM writes them)"), open(path, "rb") as file:
+        for number, line in enumerate(file, start=1):
+            fields = line.split()
+            if not fields or fields[0].startswith(b"#"):
+                continue
+            where, width = f"{path}, line {number}", width or len(fields)
+            if len(fields) not in (8, 12) or len(fields) != width:
+                raise InputError(f"{where}: expected {width if width in (8, 12) else '12 or 8'} numbers, got {len(fields)}")
+            try:
+                values = np.array(fields, dtype=np.float64)
+            except ValueError as error:
+                raise InputError(f"{where}: expected numbers ({error})") from error
+            if not np.isfinite(values).all():
+                raise InputError(f"{where}: expected finite numbers, got {values.tolist()}")
+            pose = values.reshape(3, 4) if width == 12 else _from_quaternion(where, values)
+            _check(where, pose)
+            poses.append(pose)
+    if not poses:
+        raise InputError(f"{path}: expected poses, found none")
+    return np.array(poses)
+
+
+def _check(where: str, pose: np.ndarray) -> None:
+    rotation, place = pose[:, :3], pose[:, 3]
+    # Entries beyond 2 come first: their squares may overflow.
+    if np.abs(rotation).max() > 2 or np.abs(rotation @ rotation.T - np.eye(3)).max() > RIGID or np.linalg.det(rotation) < 0:
+        raise InputError(f"{where}: expected a rigid motion, the 3 x 3 part is no rotation to {RIGID}")
+    if np.abs(place).max() > FARTHEST_M:
+        raise InputError(f"{where}: expected a place in metres, got {place.tolist()}")
+
+
+def _from_quaternion(where: str, values: np.ndarray) -> np.ndarray:
+    length = math.hypot(*values[4:])
+    if abs(length - 1) > RIGID:
+        raise InputError(f"{where}: expected a rigid motion, the quaternion has length {length:.6g}")
+    x, y, z, w = values[4:] / length
+    rotation = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.column_stack([rotation, values[1:4]])

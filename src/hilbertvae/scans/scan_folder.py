@@ -1,0 +1,80 @@
+"""A folder of point files, one scan each, with `poses.txt`."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.beam_origins import find_beam_origins
+from hilbertvae.scans.file_points import check_reading, reading, within_range
+from hilbertvae.scans.point_files import READERS, read_points
+from hilbertvae.scans.poses import read_poses
+from hilbertvae.scans.scan import Scans
+
+POSES = "poses.txt"
+NOT_SCANS = {POSES, "times.txt", "timestamps.txt", "calib.txt", "readme.txt", "license.txt"}
+
+
+def read_scan_folder(
+    folder: str | os.PathLike,
+    beam_origin: str | Sequence[float] = "centre",
+    max_range_m: float = 80.0,
+    min_range_m: float = 0.0,
+    every: int = 1,
+) -> Scans:
+    """The scans of a folder, in the order of their names: a number counts as a number, so 2.pcd stands before 10.pcd.
+
+    Each file is in its sensor's frame, and the pose of the same place in `poses.txt` (see `read_poses`) takes it to the map frame.
+    Beams start where the file says, else where `beam_origin` says: a name of `BEAM_ORIGINS`, or three numbers in metres, sensor frame.
+    Ranges as in `read_point_file`; `every` keeps each so many-th scan. Kept scans are numbered from 0, beams by their place in the file.
+    Raises `InputError` for files of several formats, for another number of poses than of scans, and for files that can't be read.
+    """
+    folder = Path(folder)
+    return read_posed_scans(scan_files(folder), folder / POSES, beam_origin, max_range_m, min_range_m, every)
+
+
+def scan_files(folder: Path) -> list[Path]:
+    """The scans in a folder, in the order of their names; an `InputError` unless they are of one format."""
+    with reading(folder, "a folder of scans"):
+        files = [path for path in folder.iterdir() if path.suffix.lower() in READERS and path.name.lower() not in NOT_SCANS]
+        files = [path for path in files if path.is_file() and not path.name.startswith(".")]
+    kinds = Counter(path.suffix.lower() for path in files)
+    if len(kinds) != 1:
+        found = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())) or "none"
+        raise InputError(f"{folder}: expected scans of one format ({' '.join(READERS)}), found {found}")
+    return sorted(files, key=_by_name)
+
+
+def _by_name(path: Path) -> tuple[list, str]:
+    return [int(part) if part.isdecimal() else part for part in re.split("([0-9]+)", path.name)], path.name
+
+
+def read_posed_scans(
+    files: list[Path], poses_path: Path, beam_origin: str | Sequence[float], max_range_m: float, min_range_m: float, every: int
+) -> Scans:
+    """The scans of `files`, the k-th under the k-th pose; see `read_scan_folder`."""
+    check_reading(min_range_m, max_range_m, every)
+    beam_origins = find_beam_origins(beam_origin)
+    poses = read_poses(poses_path)
+    if len(poses) != len(files):
+        raise InputError(f"{poses_path}: expected a pose for each scan, got {len(poses)} poses for {len(files)} scans ({files[0].parent})")
+    points, origins, scan, beam = [], [], [], []
+    for number, (path, pose) in enumerate(zip(files[::every], poses[::every], strict=True)):
+        found = read_points(path)
+        if found.points.shape[1] != 3 or (found.scan is not None and len(np.unique(found.scan)) > 1):
+            raise InputError(f"{path}: expected one scan of 3D points, since a folder has one 3D pose for each file")
+        start = beam_origins(found.points) if found.origins is None else np.broadcast_to(found.origins, found.points.shape)
+        chosen = np.flatnonzero(within_range(found.points, start, min_range_m, max_range_m))
+        points.append(found.points[chosen] @ pose[:, :3].T + pose[:, 3])
+        origins.append(start[chosen] @ pose[:, :3].T + pose[:, 3])
+        scan.append(np.full(len(chosen), number, np.int32))
+        beam.append(chosen.astype(np.int32))
+    if not sum(map(len, points)):
+        raise InputError(f"{files[0].parent}: expected beams of {min_range_m} to {max_range_m} m, found none in {len(points)} scans")
+    return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam))

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+from point_writers import POINTS, random_poses, write_drive, write_npz, write_ply
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.carmen import read_carmen
+from hilbertvae.scans.formats import ReadingSettings, is_scan_path, read_scans_path
+from hilbertvae.scans.kitti import read_kitti
+from hilbertvae.scans.point_files import read_point_file
+from hilbertvae.scans.scan_folder import read_scan_folder
+from hilbertvae.scans.sites import CATALOGUE
+from toy_rooms import carmen_line, write_log
+
+
+def same(found, expected):
+    for name in ("points", "origins", "scan", "beam"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+
+
+@pytest.mark.parametrize("name", ["a.log", "a.log.gz"])
+def test_a_carmen_log(tmp_path, name):
+    ranges = np.random.default_rng(0).uniform(1, 50, (4, 180))
+    path = write_log(tmp_path / name, [carmen_line(row, [number, 0, 0]) for number, row in enumerate(ranges)])
+    same(read_scans_path(path), read_carmen(path))
+    same(read_scans_path(path, ReadingSettings(max_range_m=9.0, every=2)), read_carmen(path, 9.0, 2))
+    expected = read_carmen(path)
+    far = np.linalg.norm(expected.points - expected.origins, axis=1) > 5.0
+    same(read_scans_path(path, ReadingSettings(min_range_m=5.0)), expected.select(far))
+    for setting in ({"sensor_origin_m": [0.0, 0.0]}, {"beam_origin": "hdl64"}):
+        with pytest.raises(InputError, match=f"reading.{next(iter(setting))}: .*{name} is a CARMEN log"):
+            read_scans_path(path, ReadingSettings(**setting))
+    with pytest.raises(InputError, match="expected ranges above 29.9999 m, found none"):
+        read_scans_path(path, ReadingSettings(min_range_m=29.9999))
+
+
+def test_folders(tmp_path):
+    drive, plain = tmp_path / "drive", tmp_path / "plain.ply"
+    write_drive(drive, POINTS.reshape(3, 20, 3) / 6, random_poses(3), "velodyne/{:06d}.bin")
+    write_drive(plain, POINTS.reshape(3, 20, 3) / 6, random_poses(3), "{}.ply", write_ply)
+    assert len(read_kitti(drive)) < len(read_scan_folder(plain)) == 60
+    same(read_scans_path(drive), read_kitti(drive))
+    same(read_scans_path(str(plain)), read_scan_folder(plain))
+    settings = ReadingSettings(max_range_m=6.0, min_range_m=1.0, every=2, beam_origin="hdl64")
+    same(read_scans_path(drive, settings), read_kitti(drive, "hdl64", 6.0, 1.0, 2))
+    with pytest.raises(InputError, match="reading.sensor_origin_m: .*drive is a folder of scans"):
+        read_scans_path(drive, ReadingSettings(sensor_origin_m=[0, 0, 0]))
+
+
+def test_single_files(tmp_path):
+    path = write_npz(tmp_path / "a.NPZ.npz")
+    with pytest.raises(InputError, match="reading.sensor_origin_m"):
+        read_scans_path(path)
+    same(read_scans_path(path, ReadingSettings(9.0, 1.0, 1, [1, 2, 3])), read_point_file(path, [1, 2, 3], 9.0, 1.0))
+    with pytest.raises(InputError, match="reading.beam_origin: .* is a single point file"):
+        read_scans_path(path, ReadingSettings(sensor_origin_m=[0, 0, 0], beam_origin="hdl64"))
+
+
+def test_unknown_and_missing_paths(tmp_path):
+    (tmp_path / "a.e57").write_bytes(b"?")
+    with pytest.raises(InputError, match=r"a.e57: unknown extension '.e57'; known are .log .log.gz .bin .csv .* and folders"):
+        read_scans_path(tmp_path / "a.e57")
+    for name in ("nowhere", "nowhere.e57", "nowhere.ply", "nowhere.log"):
+        with pytest.raises(InputError, match=f"{name}: no such file"):
+            read_scans_path(tmp_path / name)
+
+
+def test_what_is_a_path_and_what_a_name():
+    paths = ["a.log", "a.LOG.gz", "street.ply", "a/b", "./intel", "/data/drive", "drive/", ".", "..", "x.LAZ", "000000.bin"]
+    assert all(map(is_scan_path, paths))
+    assert not any(map(is_scan_path, [*CATALOGUE, "simulated:0", "kitti_drive0005", "", "log", "ply"]))

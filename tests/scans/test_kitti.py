@@ -1,0 +1,74 @@
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from point_writers import POINTS, random_poses, write_drive, write_npz
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.kitti import is_kitti, read_kitti
+
+SCANS, NAME = POINTS.reshape(3, 20, 3), "velodyne/{:06d}.bin"
+
+
+@pytest.mark.parametrize(("beam_origin", "heights"), [("centre", (0.0, 0.0)), ("hdl64", (0.20, 0.12)), ([0.0, 0.0, 1.5], (1.5, 1.5))])
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_drive_one_return_at_a_time(tmp_path, beam_origin, heights, every):
+    poses = random_poses(3)
+    scans = read_kitti(write_drive(tmp_path, SCANS, poses, NAME), beam_origin, max_range_m=40.0, min_range_m=12.0, every=every)
+    row = 0
+    for number, index in enumerate(range(0, 3, every)):
+        for beam, (x, y, z) in enumerate(SCANS[index].tolist()):
+            above = math.degrees(math.atan2(z, math.hypot(x, y))) > -8.3
+            origin = [0, 0, heights[0] if above else heights[1]]
+            if not 12.0 < math.dist((x, y, z), origin) < 40.0:
+                continue
+            turn, place = poses[index, :, :3], poses[index, :, 3]
+            np.testing.assert_allclose(scans.points[row], turn @ [x, y, z] + place, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(scans.origins[row], turn @ origin + place, rtol=0, atol=1e-9)
+            assert (scans.scan[row], scans.beam[row]) == (number, beam)
+            row += 1
+    assert 0 < row == len(scans) < 60
+
+
+def test_the_car_is_left_out(tmp_path):
+    write_drive(tmp_path, [[[1.0, 1, 1], [2.0, 2, 2]]], [np.eye(3, 4)], NAME)
+    np.testing.assert_array_equal(read_kitti(tmp_path).points, [[2, 2, 2]])
+
+
+def test_other_layouts(tmp_path):
+    with pytest.raises(InputError, match="expected KITTI's layout"):
+        read_kitti(tmp_path)
+    write_drive(tmp_path, SCANS, random_poses(3), "velodyne/{}.npz", write_npz)
+    assert is_kitti(tmp_path)
+    with pytest.raises(InputError, match="velodyne: expected .bin scans, found .npz"):
+        read_kitti(tmp_path)
+
+
+def test_a_drive_without_poses(tmp_path):
+    write_drive(tmp_path, SCANS, random_poses(3), NAME)
+    (tmp_path / "poses.txt").unlink()
+    with pytest.raises(InputError, match="poses.txt: no such file"):
+        read_kitti(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def drive0005() -> Path:
+    chosen = os.environ.get("HILBERTVAE_DATA")
+    folder = (Path(chosen) if chosen else Path(__file__).parents[3] / "shared" / "data") / "3d" / "kitti_drive0005"
+    if not folder.is_dir():
+        pytest.skip("kitti_drive0005 is not here; set HILBERTVAE_DATA to a folder that has it")
+    return folder
+
+
+def test_a_real_drive(drive0005):
+    scans = read_kitti(drive0005, beam_origin="hdl64", every=4)
+    assert scans.scan.max() == 4 and scans.dimension == 3
+    assert (np.bincount(scans.scan) > 100_000).all()
+    centre = read_kitti(drive0005, every=4)
+    lift = np.sqrt(np.square(scans.origins.mean(axis=0) - centre.origins.mean(axis=0)).sum())
+    assert 0.12 < lift < 0.20
+    # Scans of a fixed place overlap: most returns of the last lie within half a metre of one of the first, so the poses are taken right.
+    first, last = (set(map(tuple, np.floor(scans.points[scans.scan == number] / 0.5).astype(int).tolist())) for number in (0, 1))
+    assert len(first & last) > 0.3 * len(last)

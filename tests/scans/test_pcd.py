@@ -1,0 +1,74 @@
+import struct
+
+import numpy as np
+import pytest
+from point_writers import POINTS, write_pcd
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.pcd import read_pcd
+
+ENCODINGS = pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
+
+
+@ENCODINGS
+def test_an_organised_cloud_with_no_returns(tmp_path, encoding):
+    points = POINTS.copy()
+    points[::7] = np.nan
+    np.testing.assert_array_equal(read_pcd(write_pcd(tmp_path / "a.pcd", points, encoding, width=12)).points, points)
+
+
+@ENCODINGS
+def test_a_viewpoint_is_the_origin_and_turns_nothing(tmp_path, encoding):
+    found = read_pcd(write_pcd(tmp_path / "a.pcd", POINTS, encoding, viewpoint=(1.5, -2.0, 0.25, 0.0, 0.0, 0.0, 1.0)))
+    np.testing.assert_array_equal(found.points, POINTS)
+    np.testing.assert_array_equal(found.origins, [1.5, -2.0, 0.25])
+    assert read_pcd(write_pcd(tmp_path / "b.pcd", POINTS, encoding)).origins is None
+
+
+def write(tmp_path, data, **changed):
+    lines = {"VERSION": "0.7", "FIELDS": "x y z", "SIZE": "4 4 4", "TYPE": "F F F", "COUNT": "1 1 1", "WIDTH": "2", "HEIGHT": "1"}
+    lines |= {"VIEWPOINT": "0 0 0 1 0 0 0", "POINTS": "2", "DATA": "ascii"} | changed
+    path = tmp_path / "a.pcd"
+    path.write_bytes("".join(f"{key} {value}\n" for key, value in lines.items() if value).encode() + data)
+    return path
+
+
+def test_other_fields_and_two_dimensions(tmp_path):
+    path = write(tmp_path, b"9 1 2 7 7\n9 3 4 7 7\n", FIELDS="t y x rgb", SIZE="8 4 4 4", TYPE="F F F U", COUNT="1 1 1 2")
+    np.testing.assert_array_equal(read_pcd(path).points, [[2, 1], [4, 3]])
+    path = write(tmp_path, b"1 2 3\n", WIDTH="1", POINTS="1", VIEWPOINT="4 5 6 1 0 0 0")
+    found = read_pcd(path)
+    np.testing.assert_array_equal(found.points, [[1, 2, 3]])
+    np.testing.assert_array_equal(found.origins, [4, 5, 6])
+
+
+PACKED = {"DATA": "binary_compressed"}
+
+
+@pytest.mark.parametrize(
+    ("data", "changed", "message"),
+    [
+        (b"1 2 3\n", {}, "truncated"),
+        (b"1 2 3\n4 5 6\n7 8 9\n", {}, "2 points declared, 3 found"),
+        (b"1 2 3\n4 five 6\n", {}, "can't be read as a PCD file"),
+        (b"1 2 3\n4 5 6\n", {"POINTS": "3"}, "POINTS is 3, WIDTH times HEIGHT 2"),
+        (b"1 2 3\n4 5 6\n", {"FIELDS": "a b c"}, "expected fields x, y"),
+        (b"1 2 3\n4 5 6\n", {"COUNT": "1 1"}, "of one length"),
+        (b"1 2 3\n4 5 6\n", {"COUNT": "1 1 1000000000"}, "at most 1024 numbers a point"),
+        (b"1 2 3\n4 5 6\n", {"SIZE": "4 4 3"}, "can't be read as a PCD file"),
+        (b"1 2 3\n4 5 6\n", {"TYPE": "F F S"}, "can't be read as a PCD file"),
+        (b"1 2 3\n4 5 6\n", {"VIEWPOINT": "0 0"}, "can't be read as a PCD file"),
+        (b"1 2 3\n4 5 6\n", {"VIEWPOINT": "nan 0 0 1 0 0 0"}, "expected a finite VIEWPOINT"),
+        (b"1 2 3\n4 5 6\n", {"WIDTH": None}, "can't be read as a PCD file"),
+        (b"1 2 3\n4 5 6\n", {"DATA": "tape"}, "can't be read as a PCD file"),
+        (bytes(23), {"DATA": "binary"}, "the header's points need 24 bytes, 23 are there"),
+        (bytes(7), PACKED, "need 8 bytes, 7 are there"),
+        (struct.pack("<II", 9, 24) + bytes(8), PACKED, "the packed points need 9 bytes, 8 are there"),
+        (struct.pack("<II", 8, 25) + bytes(8), PACKED, "take 24 bytes, the packed ones claim 25"),
+        (struct.pack("<II", 8, 24) + b"\xff" * 8, PACKED, "can't be read as a PCD file"),
+        (struct.pack("<II", 8, 1_200_000_000) + bytes(8), PACKED | {"WIDTH": "100000000", "POINTS": "100000000"}, "claim to unpack from 8"),
+    ],
+)
+def test_bad_files_are_named(tmp_path, data, changed, message):
+    with pytest.raises(InputError, match=f"a.pcd.*{message}"):
+        read_pcd(write(tmp_path, data, **changed))

@@ -1,0 +1,64 @@
+import re
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from point_writers import random_poses
+from scipy.spatial.transform import Rotation
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.poses import read_poses
+
+LINE = "1 0 0 5 0 1 0 6 0 0 1 7\n"
+
+
+def test_kitti_and_tum_say_the_same(tmp_path):
+    poses = random_poses(20)
+    path = tmp_path / "poses.txt"
+    path.write_text("# made\n\n" + "".join(" ".join(map(repr, pose)) + "\n" for pose in poses.reshape(20, 12).tolist()))
+    np.testing.assert_array_equal(read_poses(path), poses)
+    quaternions = Rotation.from_matrix(poses[:, :, :3]).as_quat()
+    rows = np.column_stack([1.7e18 + np.arange(20), poses[:, :, 3], quaternions])
+    path.write_text("".join(" ".join(map(repr, row)) + "\n" for row in rows.tolist()))
+    np.testing.assert_allclose(read_poses(path), poses, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected poses, found none"),
+        ("# nothing\n", "expected poses, found none"),
+        (LINE + "1 0 0 5 0 1 0 6 0 0 1\n", "line 2: expected 12 numbers, got 11"),
+        ("1 0 0\n", "line 1: expected 12 or 8 numbers, got 3"),
+        (LINE + "0 1 2 3 0 0 0 1\n", "line 2: expected 12 numbers, got 8"),
+        (LINE + "\n" + LINE.replace("6", "six"), "line 3: expected numbers"),
+        (LINE + LINE.replace("6", "nan"), "line 2: expected finite numbers"),
+        (LINE + LINE.replace("6", "1e300"), "line 2: expected a place in metres"),
+        (LINE + LINE.replace("1 0 0 5", "-1 0 0 5"), "line 2: expected a rigid motion"),
+        (LINE + LINE.replace("1 0 0 5", "1.01 0 0 5"), "line 2: expected a rigid motion"),
+        (LINE + LINE.replace("1 0 0 5", "1e200 1e300 0 5"), "line 2: expected a rigid motion"),
+        (LINE + LINE.replace("1 0 0 5", "0 1 0 5"), "line 2: expected a rigid motion"),
+        ("0 1 2 3 0 0 0 1.1\n", "line 1: expected a rigid motion, the quaternion has length 1.1"),
+        ("0 1 2 3 0 0 0 0\n", "line 1: expected a rigid motion, the quaternion has length 0"),
+    ],
+)
+def test_bad_lines_are_named(tmp_path, text, message):
+    path = tmp_path / "poses.txt"
+    path.write_text(text)
+    with pytest.raises(InputError, match=f"poses.txt.*{message}"):
+        read_poses(path)
+
+
+def test_missing_poses(tmp_path):
+    with pytest.raises(InputError, match="poses.txt: no such file"):
+        read_poses(tmp_path / "poses.txt")
+
+
+@settings(max_examples=200, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.differing_executors])
+@given(content=st.binary(max_size=80) | st.text("0123456789.e-+ \nnainf#", max_size=120).map(str.encode))
+def test_foreign_bytes_raise_nothing_but_input_errors(tmp_path_factory, content):
+    path = tmp_path_factory.getbasetemp() / "poses.txt"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=re.escape(str(path))):
+        read_poses(path)

@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+from point_writers import POINTS, WRITERS, random_poses, write_drive, write_npz, write_pcd
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.scan_folder import read_scan_folder
+
+SCANS = POINTS.reshape(3, 20, 3)
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.pcd", "a.las", "a.laz", "a.npz", "a.csv", "a.txt", "a.bin"])
+def test_one_format_like_another(tmp_path, name):
+    poses = random_poses(3)
+    write_drive(tmp_path, SCANS, poses, "scan{}" + name[1:], WRITERS[name])
+    scans = read_scan_folder(tmp_path, beam_origin=[0.1, 0.2, 0.3], max_range_m=1000)
+    row = 0
+    for number in range(3):
+        for beam in range(20):
+            turn, place = poses[number, :, :3], poses[number, :, 3]
+            np.testing.assert_allclose(scans.points[row], turn @ SCANS[number, beam] + place, rtol=0, atol=0.002)
+            np.testing.assert_allclose(scans.origins[row], turn @ [0.1, 0.2, 0.3] + place, rtol=0, atol=1e-12)
+            assert (scans.scan[row], scans.beam[row]) == (number, beam)
+            row += 1
+    assert row == len(scans) and scans.points.dtype == np.float64 and scans.scan.dtype == scans.beam.dtype == np.int32
+
+
+def test_names_are_sorted_by_their_numbers(tmp_path):
+    poses = np.tile(np.eye(3, 4), (12, 1, 1))
+    poses[:, 0, 3] = 1000.0 * np.arange(12)
+    write_drive(tmp_path, np.full((12, 1, 3), 2.0), poses, "scan_{}.bin")
+    (tmp_path / "times.txt").write_text("0\n")
+    (tmp_path / ".hidden.bin").write_bytes(b"")
+    np.testing.assert_array_equal(read_scan_folder(tmp_path).points[:, 0], 2.0 + 1000.0 * np.arange(12))
+    second = read_scan_folder(tmp_path, every=5)
+    np.testing.assert_array_equal(second.points[:, 0], [2.0, 5002.0, 10002.0])
+    np.testing.assert_array_equal(second.scan, [0, 1, 2])
+
+
+def test_a_files_own_origin_comes_first(tmp_path):
+    pose = random_poses(1)
+    write_drive(tmp_path, [POINTS], pose, "{}.pcd", lambda path, points: write_pcd(path, points, viewpoint=(1.0, 2, 3, 1, 0, 0, 0)))
+    expected = pose[0, :, :3] @ [1, 2, 3] + pose[0, :, 3]
+    np.testing.assert_allclose(read_scan_folder(tmp_path, "hdl64").origins, np.broadcast_to(expected, POINTS.shape), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("poses", [2, 4])
+def test_both_counts_are_named(tmp_path, poses):
+    write_drive(tmp_path, SCANS, random_poses(poses))
+    with pytest.raises(InputError, match=rf"poses.txt: expected a pose for each scan, got {poses} poses for 3 scans \(.*\)"):
+        read_scan_folder(tmp_path)
+
+
+def test_mixed_formats_none_and_no_folder(tmp_path):
+    write_drive(tmp_path, SCANS, random_poses(3))
+    write_npz(tmp_path / "more.npz")
+    with pytest.raises(InputError, match="expected scans of one format .*, found 3 .bin, 1 .npz"):
+        read_scan_folder(tmp_path)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="empty: expected scans of one format .*, found none"):
+        read_scan_folder(tmp_path / "empty")
+    with pytest.raises(InputError, match="nowhere: no such file; expected a folder of scans"):
+        read_scan_folder(tmp_path / "nowhere")
+    with pytest.raises(InputError, match="poses.txt: can't be read as a folder of scans"):
+        read_scan_folder(tmp_path / "poses.txt")
+
+
+def test_a_bad_scan_and_a_bad_pose_are_named(tmp_path):
+    write_drive(tmp_path, SCANS, random_poses(3))
+    whole = (tmp_path / "000001.bin").read_bytes()
+    (tmp_path / "000001.bin").write_bytes(whole[:-1])
+    with pytest.raises(InputError, match="000001.bin: truncated"):
+        read_scan_folder(tmp_path)
+    (tmp_path / "000001.bin").write_bytes(whole)
+    lines = (tmp_path / "poses.txt").read_text().splitlines()
+    (tmp_path / "poses.txt").write_text("\n".join([lines[0], "1 0 0 0 0 2 0 0 0 0 1 0", lines[2]]))
+    with pytest.raises(InputError, match="poses.txt, line 2: expected a rigid motion"):
+        read_scan_folder(tmp_path)
+
+
+def test_files_that_are_not_one_3d_scan(tmp_path):
+    write_drive(tmp_path, [POINTS[:, :2]], random_poses(1), "{}.npz", write_npz)
+    with pytest.raises(InputError, match="0.npz: expected one scan of 3D points"):
+        read_scan_folder(tmp_path)
+    write_npz(tmp_path / "0.npz", scan=np.arange(len(POINTS)) % 2)
+    with pytest.raises(InputError, match="0.npz: expected one scan of 3D points"):
+        read_scan_folder(tmp_path)
+
+
+def test_nothing_within_range(tmp_path):
+    write_drive(tmp_path, SCANS, random_poses(3))
+    with pytest.raises(InputError, match="expected beams of 0.0 to 0.1 m, found none in 3 scans"):
+        read_scan_folder(tmp_path, max_range_m=0.1)
