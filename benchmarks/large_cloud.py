@@ -27,7 +27,7 @@ from hilbertvae.reconstruction.likelihood import LikelihoodSettings
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.simulate.building import BuildingSettings
-from hilbertvae.site import open_site
+from hilbertvae.site import SiteSource, open_site
 
 WANTED_GB = 6.0
 STAGES = {
@@ -64,7 +64,7 @@ def fresh_network() -> Reconstructor:
 def work(points: int, flips: int, queries: int, checkpoint: str | None) -> dict:
     """The process's own part: everything measured, as plain values."""
     building = BuildingSettings() if points >= 10**6 else BuildingSettings(shortest_extent_m=12.0, longest_extent_m=15.0, scans=50)
-    cloud = tiled(open_site("simulated:1", building=building).fit, points)
+    cloud = tiled(open_site("simulated:1", source=SiteSource(building=building)).fit, points)
     start_gb = peak_gb()
     mapper = HilbertMap(Reconstructor.load(checkpoint) if checkpoint else fresh_network(), flips=flips)
     with stage_seconds(STAGES) as stages:

@@ -4,7 +4,8 @@ import pytest
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import fit_cloud, points_cloud, voxel_cloud
 from hilbertvae.simulate.building import BuildingSettings
-from hilbertvae.site import Site, open_site, read_scans
+from hilbertvae.simulate.street import StreetSettings
+from hilbertvae.site import Site, SiteSource, open_site
 from hilbertvae.voxel_votes import voxel_index
 from toy_rooms import carmen_line, write_log
 
@@ -67,10 +68,32 @@ def test_open_site_by_the_seed_of_a_simulated_building():
     pytest.importorskip("embreex")
     pytest.importorskip("shapely")
     building = BuildingSettings(scans=10, shortest_extent_m=12.0, longest_extent_m=14.0)
-    first, again, other = (open_site(f"simulated:{seed}", building=building) for seed in (5, 5, 6))
+    first, again, other = (open_site(f"simulated:{seed}", source=SiteSource(building=building)) for seed in (5, 5, 6))
     assert first.name == "simulated:5"
     np.testing.assert_array_equal(first.scans.points, again.scans.points)
     assert len(first.scans) != len(other.scans) or (first.scans.points != other.scans.points).any()
+
+
+def test_a_simulated_site_is_a_street_in_three_dimensions():
+    pytest.importorskip("embreex")
+    source = SiteSource(dimension=3, street=StreetSettings(scans=1, azimuths=100, max_range_m=15.0))
+    site = open_site("simulated:3", source=source)
+    assert (site.name, site.dimension, site.resolution_m) == ("simulated:3", 3, 0.2)
+    assert np.abs(np.median(site.ground.height_above(site.scans.points))) < 1.0
+
+
+def test_scans_of_another_dimension_than_asked_for(tmp_path):
+    path = write_log(tmp_path / "attic.log", [carmen_line(np.full(180, 2.0), [0, 0, 0])])
+    with pytest.raises(InputError, match="attic.log.*expected 3D scans, as `dimension` says, got 2D"):
+        open_site(str(path), source=SiteSource(dimension=3))
+
+
+def test_what_is_remembered_is_made_once(room):
+    made = []
+    site = Site("room", room.scans)
+    for _ in range(2):
+        assert site.remember(("key", 1), lambda: made.append(1) or "value") == "value"
+    assert site.remember(("key", 2), lambda: "other") == "other" and made == [1]
 
 
 @pytest.mark.parametrize(
@@ -85,4 +108,4 @@ def test_open_site_by_the_seed_of_a_simulated_building():
 def test_references_to_nothing_are_named(tmp_path, monkeypatch, reference, message):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=message):
-        read_scans(reference)
+        SiteSource().scans(reference)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,13 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import RESOLUTION_M, Cloud, points_cloud, thinned_cloud, voted_cloud
+from hilbertvae.files import path_sha256
 from hilbertvae.ground import Ground, find_ground
-from hilbertvae.scans.carmen import read_carmen
+from hilbertvae.scans.formats import ReadingSettings, is_scan_path, read_scans_path
 from hilbertvae.scans.scan import Scans
-from hilbertvae.scans.sites import read_site, site_path
+from hilbertvae.scans.sites import find_site, read_site, site_path
 from hilbertvae.simulate.building import BuildingSettings, simulate_building
+from hilbertvae.simulate.street import StreetSettings, simulate_street
 from hilbertvae.voxel_votes import VoxelVotes, voxel_votes
 
 
@@ -112,32 +114,55 @@ class Site:
 SIMULATED = "simulated:"
 
 
-def read_scans(reference: str, folder: str | None = None, download: bool = False, building: BuildingSettings | None = None) -> Scans:
-    """The scans of a site of the catalogue, of the simulated building `simulated:<seed>`, or of a CARMEN log's path.
+@dataclass(frozen=True)
+class SiteSource:
+    """How references to sites are read: where files lie, what dimension is asked for, and how sites are simulated."""
 
-    Raises `InputError` for a reference that is none of these, and for files that can't be read.
-    """
-    if reference.startswith(SIMULATED):
-        check_site(reference)
-        return simulate_building(building or BuildingSettings(), int(reference.removeprefix(SIMULATED)))
-    if reference.endswith((".log", ".log.gz")):
-        return read_carmen(reference)
-    return read_site(reference, folder, download)
+    dimension: int | None = None
+    """2 or 3: anything else is refused, and `simulated:<seed>` is a street in 3D. Unless given, any, and a building."""
+    folder: str | None = None
+    download: bool = False
+    building: BuildingSettings = field(default_factory=BuildingSettings)
+    street: StreetSettings = field(default_factory=StreetSettings)
+    reading: ReadingSettings = field(default_factory=ReadingSettings)
+    """How paths are read; a site of the catalogue is read as that says."""
+
+    def check(self, reference: str) -> None:
+        """Whether `scans` can start on a reference, before anything long is begun; fetches what is to be fetched."""
+        if reference.startswith(SIMULATED):
+            if not reference.removeprefix(SIMULATED).isdigit():
+                raise InputError(f"site {reference!r}: expected simulated:<seed>, a whole number")
+        elif is_scan_path(reference):
+            if not Path(reference).exists():
+                raise InputError(f"{reference}: no such file or folder of scans")
+        else:
+            site_path(reference, self.folder, self.download)
+
+    def scans(self, reference: str) -> Scans:
+        """The scans of a site of the catalogue, of the simulated site `simulated:<seed>`, or at a path.
+
+        Raises `InputError` for a reference that is none of these, for files that can't be read, and for another dimension.
+        """
+        self.check(reference)
+        if reference.startswith(SIMULATED):
+            seed = int(reference.removeprefix(SIMULATED))
+            return simulate_street(self.street, seed) if self.dimension == 3 else simulate_building(self.building, seed)
+        at_path = is_scan_path(reference)
+        found = read_scans_path(reference, self.reading) if at_path else read_site(reference, self.folder, self.download)
+        if self.dimension not in (None, found.dimension):
+            raise InputError(f"site {reference!r}: expected {self.dimension}D scans, as `dimension` says, got {found.dimension}D")
+        return found
+
+    def made_of(self, reference: str) -> dict:
+        """What the scans of a reference depend on, for hashes: contents, never places."""
+        if reference.startswith(SIMULATED):
+            return {"site": reference, "simulated": asdict(self.street if self.dimension == 3 else self.building)}
+        if is_scan_path(reference):
+            return {"site": path_sha256(reference), "reading": asdict(self.reading)}
+        return {"site": asdict(find_site(reference))}
 
 
-def check_site(reference: str, folder: str | None = None, download: bool = False, **_) -> None:
-    """Whether `read_scans` can start on a reference, before anything long is begun; fetches what is to be fetched."""
-    if reference.startswith(SIMULATED):
-        if not reference.removeprefix(SIMULATED).isdigit():
-            raise InputError(f"site {reference!r}: expected simulated:<seed>, a whole number")
-    elif reference.endswith((".log", ".log.gz")):
-        if not Path(reference).is_file():
-            raise InputError(f"{reference}: no such file; expected a CARMEN log (.log or .log.gz)")
-    else:
-        site_path(reference, folder, download)
-
-
-def open_site(reference: str, resolution_m: float = 0.0, **reading) -> Site:
-    """The `Site` of a reference (see `read_scans`); a log's is named after its file."""
-    name = Path(reference).name if reference.endswith((".log", ".log.gz")) else reference
-    return Site(name, read_scans(reference, **reading), resolution_m)
+def open_site(reference: str, resolution_m: float = 0.0, source: SiteSource | None = None) -> Site:
+    """The `Site` of a reference (see `SiteSource.scans`); a path's is named after its file or folder."""
+    name = Path(reference).resolve().name if is_scan_path(reference) else reference
+    return Site(name, (source or SiteSource()).scans(reference), resolution_m)

@@ -10,7 +10,7 @@ import numpy as np
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.scans.scan import Scans
 
-SAMPLES_AT_ONCE = 4_000_000
+SAMPLES_AT_ONCE = 1_000_000
 
 
 def voxel_index(points: np.ndarray, resolution_m: float) -> np.ndarray:
@@ -63,35 +63,50 @@ def voxel_votes(scans: Scans, resolution_m: float) -> VoxelVotes:
     if np.prod(shape.astype(float)) > 2**62:
         raise InputError(f"scans: extent {(high - low).tolist()} m is too large for voxels of {resolution_m} m")
 
-    def sums(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        key = np.ravel_multi_index(tuple((voxel_index(samples, resolution_m) - first).T), tuple(shape))
-        return _summed(key, [np.ones(len(key)), *(samples - low).T])
+    def gathered(samples: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        key = np.zeros(len(samples[0]), np.int64)
+        for axis, corner, cells in zip(samples, first, shape, strict=True):
+            key = key * cells + (np.floor(axis / resolution_m).astype(np.int64) - corner)
+        return _summed(key, [axis - corner for axis, corner in zip(samples, low, strict=True)])
 
-    hit_keys, hit_sums = sums(scans.points)
-    free_keys, free_sums = np.empty(0, np.int64), np.empty((0, 1 + scans.dimension))
+    hit_keys, hit_sums = gathered(list(scans.points.T.copy()))
+    free_keys, free_sums = np.empty(0, np.int64), np.empty((1 + scans.dimension, 0))
+    waiting, held = [], 0
     for samples in _free_samples(scans, resolution_m):
-        found, portion = sums(samples)
-        free_keys, free_sums = _summed(np.concatenate([free_keys, found]), np.concatenate([free_sums, portion]).T)
+        waiting.append(gathered(samples))
+        held += len(waiting[-1][0])
+        if held > SAMPLES_AT_ONCE + len(free_keys):  # seldom, since each time all voxels are sorted again
+            free_keys, free_sums = _merged([(free_keys, free_sums), *waiting])
+            waiting, held = [], 0
+    free_keys, free_sums = _merged([(free_keys, free_sums), *waiting])
 
-    keys = np.union1d(hit_keys, free_keys)
+    keys = np.sort(np.concatenate([hit_keys, free_keys]))  # np.union1d hashes, which takes ten times as long
+    keys = keys[np.append(True, keys[1:] != keys[:-1])]
     index = np.stack(np.unravel_index(keys, tuple(shape)), axis=1) + first
     counts, means = [], []
     for own, total in ((hit_keys, hit_sums), (free_keys, free_sums)):
-        every = np.zeros((len(keys), 1 + scans.dimension))
-        every[np.searchsorted(keys, own)] = total
-        counts.append(every[:, 0])
-        means.append(_means(every[:, 0], every[:, 1:], low, index, resolution_m))
+        every = np.zeros((1 + scans.dimension, len(keys)))
+        every[:, np.searchsorted(keys, own)] = total
+        counts.append(every[0])
+        means.append(_means(every[0], every[1:].T, low, index, resolution_m))
     return VoxelVotes(index, *counts, *means, resolution_m)
 
 
-def _summed(key: np.ndarray, columns) -> tuple[np.ndarray, np.ndarray]:
-    """The distinct keys (K,), ascending, and the sums (K, C) of the `columns` over the rows that share one."""
+def _summed(key: np.ndarray, columns: list[np.ndarray], count: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """The distinct keys (K,), ascending, and by key (1 + C, K) the sum of `count`, or how many rows have it, and sums of the columns."""
     if not len(key):
-        return key, np.empty((0, len(columns)))
+        return key, np.empty((1 + len(columns), 0))
     order = np.argsort(key)
     ordered = key[order]
-    starts = np.flatnonzero(np.append(True, np.diff(ordered) != 0))
-    return ordered[starts], np.stack([np.add.reduceat(column[order], starts) for column in columns], axis=1)
+    starts = np.flatnonzero(np.append(True, ordered[1:] != ordered[:-1]))
+    counted = np.diff(starts, append=len(key)) if count is None else np.add.reduceat(count[order], starts)
+    return ordered[starts], np.stack([counted, *(np.add.reduceat(column[order], starts) for column in columns)])
+
+
+def _merged(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """What `_summed` gives for the rows of all parts together."""
+    key, sums = np.concatenate([key for key, _ in parts]), np.concatenate([sums for _, sums in parts], axis=1)
+    return _summed(key, list(sums[1:]), sums[0])
 
 
 def _means(count: np.ndarray, sums: np.ndarray, low: np.ndarray, index: np.ndarray, resolution_m: float) -> np.ndarray:
@@ -101,18 +116,20 @@ def _means(count: np.ndarray, sums: np.ndarray, low: np.ndarray, index: np.ndarr
     return mean + np.where(across, 1e-6 * ((index + 0.5) * resolution_m - mean), 0.0)
 
 
-def _free_samples(scans: Scans, resolution_m: float) -> Iterator[np.ndarray]:
-    """Portions (S, D) of the points at every voxel length along the beams."""
+def _free_samples(scans: Scans, resolution_m: float) -> Iterator[list[np.ndarray]]:
+    """Portions of the points at every voxel length along the beams: D arrays (S,), one per axis, since numpy is slow on short rows."""
     direction = scans.points - scans.origins
     length = np.linalg.norm(direction, axis=1)
     free = np.maximum(np.floor(length / resolution_m - 0.5), 0).astype(np.int64)
+    step = direction * (resolution_m / np.maximum(length, 1e-12))[:, None]
     portion = np.cumsum(free) // SAMPLES_AT_ONCE
     for start, end in _runs(portion):
         count = free[start:end]
-        beam = np.repeat(np.arange(start, end), count)
-        step = np.arange(len(beam)) - np.repeat(np.cumsum(count) - count, count)
-        fraction = (step + 0.5) * resolution_m / length[beam]
-        yield scans.origins[beam] + direction[beam] * fraction[:, None]
+        along = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 0.5
+        yield [
+            np.repeat(origin, count) + np.repeat(one, count) * along
+            for origin, one in zip(scans.origins[start:end].T, step[start:end].T, strict=True)
+        ]
 
 
 def _runs(values: np.ndarray) -> Iterator[tuple[int, int]]:

@@ -47,7 +47,8 @@ def test_settings_that_make_no_run_are_named(change, message):
 
 
 def test_how_simulated_buildings_are_read():
-    reading = DataSettings(simulated_scans=20, simulated_extent_m=[12, 16], folder="logs", download=True).reading()
-    assert (reading["folder"], reading["download"]) == ("logs", True)
-    building = reading["building"]
+    data = DataSettings(simulated_scans=20, simulated_extent_m=[12, 16], folder="logs", download=True)
+    source = replace(good(), data=data).source()
+    assert (source.dimension, source.folder, source.download) == (2, "logs", True)
+    building = source.building
     assert (building.scans, building.shortest_extent_m, building.longest_extent_m) == (20, 12, 16)

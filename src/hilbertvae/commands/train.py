@@ -21,7 +21,7 @@ from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.scans.sites import site_hashes
-from hilbertvae.site import check_site, open_site
+from hilbertvae.site import open_site
 from hilbertvae.training.settings import Settings
 
 PACKAGE = Path(hilbertvae.__file__).parent
@@ -65,7 +65,7 @@ def run(settings: Settings) -> int:
     sites = {**dict.fromkeys(data.train, "train"), data.validate: "validate", **dict.fromkeys(data.test, "test")}
     training = settings.checkpoint is None and (not mappers or needs_training(mappers))
     for reference in sites if training else data.test:
-        check_site(reference, **data.reading())
+        settings.source().check(reference)
     reconstructor = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
     given = {"checkpoint": file_sha256(settings.checkpoint)} if settings.checkpoint else {}  # by what is in it, wherever it lies
     config = asdict(settings)
@@ -77,7 +77,7 @@ def run(settings: Settings) -> int:
         for site, role in sites.items():
             with contextlib.suppress(InputError):  # where nothing is trained, nobody has to have the training sites
                 if role != "test":
-                    yield open_site(site, settings.resolution_m, **data.reading()), role
+                    yield open_site(site, settings.resolution_m, settings.source()), role
 
     write = Report(settings.output, config, identity, seeds, site_hashes(list(sites)) | given, others, settings.pictures)
     if training:

@@ -16,10 +16,8 @@ from torch.utils.data import DataLoader, Dataset, Sampler
 
 import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.files import atomic, file_sha256, hash_of
+from hilbertvae.files import atomic, hash_of
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
-from hilbertvae.scans.sites import CATALOGUE
-from hilbertvae.site import SIMULATED, read_scans
 from hilbertvae.training.settings import Settings
 
 VALIDATION_SEEDS = (1_000_001, 1_000_002)
@@ -73,9 +71,8 @@ class GridsDataModule(L.LightningDataModule):
             return
         settings, data = self.settings, self.settings.data
         jobs = [(name, seed) for name in data.train for seed in range(settings.clustering.clusterings)]
-        simulated = [f"simulated:{number}" for number in range(data.simulated)]
         # From 1 on, since clustering 0 turns nothing: a simulated building stands square, and few real ones do.
-        jobs += [(name, seed) for name in simulated for seed in range(1, data.simulated_clusterings + 1)]
+        jobs += [(name, seed) for name in settings.simulated_sites() for seed in range(1, data.simulated_clusterings + 1)]
         validation = [(data.validate, seed) for seed in VALIDATION_SEEDS]
         built = build_all(jobs + validation, settings)
         self.train_pairs = GridPairs(*(np.concatenate(part) for part in zip(*built[: len(jobs)], strict=True)))
@@ -115,8 +112,7 @@ def grids_hash(name: str, seed: int, settings: Settings) -> str:
     made_of = {
         "version": hilbertvae.__version__,
         "code": code_hash(),
-        "site": asdict(CATALOGUE[name]) if name in CATALOGUE else file_sha256(name) if Path(name).is_file() else name,
-        "building": asdict(settings.data.reading()["building"]) if name.startswith(SIMULATED) else None,
+        **settings.source().made_of(name),
         "seed": seed,
         "resolution_m": settings.resolution_m,
         "grid": asdict(settings.grid),
@@ -142,8 +138,7 @@ def _clustering(seed: int, settings: Settings) -> ClusteringSettings:
 
 
 def _build(path: Path, name: str, seed: int, settings: Settings) -> None:
-    data = settings.data
-    scans = read_scans(name, **data.reading())
+    scans = settings.source().scans(name)
     pair = training_grids(scans, settings.resolution_m, settings.grid, _clustering(seed, settings), seed)
     with atomic(path) as temporary:
         np.save(temporary, np.stack(pair))

@@ -28,7 +28,7 @@ class HilbertMapCallback(L.Callback):
             return
         settings = self.settings
         reconstructor = self._best(trainer, module)
-        site = open_site(settings.data.validate, settings.resolution_m, **settings.data.reading())
+        site = open_site(settings.data.validate, settings.resolution_m, settings.source())
         diameter_m = settings.evaluation.gap_diameter_m
         reconstructor.weights = learn_rank_weights(HilbertMap(reconstructor), site, diameter_m, settings.calibration_seeds)
         reconstructor.save(self.checkpoint)

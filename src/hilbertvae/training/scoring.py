@@ -29,7 +29,7 @@ def score(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconst
         return
     given = give_networks(settings, mappers, reconstructor)
     for reference in settings.data.test:
-        site = open_site(reference, settings.resolution_m, **settings.data.reading())
+        site = open_site(reference, settings.resolution_m, settings.source())
         result = evaluate_all(given, site, settings.evaluation, progress=print)
         if write:
             write(result, site, given)

@@ -11,39 +11,39 @@ from hilbertvae.grids.training_grids import ClusteringSettings
 from hilbertvae.reconstruction.augmentation import AugmentationSettings
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.likelihood import LikelihoodSettings
+from hilbertvae.scans.formats import ReadingSettings
 from hilbertvae.scoring.protocol import Protocol
 from hilbertvae.simulate.building import BuildingSettings
+from hilbertvae.simulate.street import StreetSettings
+from hilbertvae.site import SIMULATED, SiteSource
 
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "64-true")
 
 
 @dataclass
 class DataSettings:
-    """Which sites play which part. A site is a name of the catalogue, `simulated:<seed>`, or the path of a CARMEN log."""
+    """Which sites play which part: a name of the catalogue, `simulated:<seed>` (a building, in 3D a street), or a path."""
 
     train: list[str] = field(default_factory=list)
     validate: str = "simulated:900001"
     test: list[str] = field(default_factory=lambda: ["simulated:900002"])
     simulated: int = 0
-    """Simulated buildings to train on, beside the sites of `train`; seeds 0, 1, ..."""
+    """Simulated buildings, in 3D streets, to train on, beside the sites of `train`; seeds 0, 1, ..."""
     simulated_clusterings: int = 2
-    """Times each simulated building is clustered; real sites take `clustering.clusterings`."""
+    """Times each simulated site is clustered; real sites take `clustering.clusterings`."""
     simulated_scans: int = 700
     """At most so many sweeps in a simulated building."""
     simulated_extent_m: list[float] = field(default_factory=lambda: [30.0, 95.0])
     """Range of a simulated building's length."""
+    street: StreetSettings = field(default_factory=StreetSettings)
+    reading: ReadingSettings = field(default_factory=ReadingSettings)
+    """How paths are read; the sites of the catalogue are read as it says."""
     folder: str | None = None
     """Where real sites lie; by default `HILBERTVAE_DATA`, else ../shared/data, else the user's cache folder."""
     download: bool = False
     """Fetch real sites that are not there."""
     cache: str = "outputs/cache"
     """Where training grids are kept, under the hash of what made them."""
-
-    def reading(self) -> dict:
-        """The keyword arguments of `hilbertvae.site.read_scans`."""
-        shortest, longest = self.simulated_extent_m
-        building = BuildingSettings(scans=self.simulated_scans, shortest_extent_m=shortest, longest_extent_m=longest)
-        return {"folder": self.folder, "download": self.download, "building": building}
 
 
 @dataclass
@@ -97,6 +97,17 @@ class Settings:
     checkpoint: str | None = None
     """Score this `model.safetensors` instead of training."""
 
+    def source(self) -> SiteSource:
+        """How the run's sites are read."""
+        data = self.data
+        shortest, longest = data.simulated_extent_m
+        building = BuildingSettings(scans=data.simulated_scans, shortest_extent_m=shortest, longest_extent_m=longest)
+        return SiteSource(self.dimension, data.folder, data.download, building, data.street, data.reading)
+
+    def simulated_sites(self) -> list[str]:
+        """References of the simulated sites that are trained on."""
+        return [f"{SIMULATED}{number}" for number in range(self.data.simulated)]
+
     def check(self) -> None:
         """An `InputError` that names the key for the first value that makes no run."""
         if self.dimension not in (2, 3):
@@ -111,7 +122,7 @@ class Settings:
             raise InputError(f"data.simulated_extent_m: expected two lengths from 6 on, the shorter first, got {extent}")
         if self.trainer.precision not in PRECISIONS:
             raise InputError(f"trainer.precision: expected one of {', '.join(PRECISIONS)}, got {self.trainer.precision!r}")
-        trained = {*self.data.train, *(f"simulated:{number}" for number in range(self.data.simulated))}
+        trained = {*self.data.train, *self.simulated_sites()}
         if self.data.validate in trained:
             raise InputError(f"data.validate: {self.data.validate!r} is also trained on")
         both = sorted(set(self.data.test) & {*trained, self.data.validate})

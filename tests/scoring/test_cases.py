@@ -1,0 +1,44 @@
+"""Which queries count in which rows; the rest of the protocol is tested through `evaluate`."""
+
+import numpy as np
+import pytest
+
+from hilbertvae.gaps import INSIDE, OUTSIDE, random_gaps
+from hilbertvae.ground import ABOVE_GROUND_M
+from hilbertvae.scoring import cases
+from hilbertvae.scoring.cases import gap_case
+
+
+def part_of(site, gaps, reading, region):
+    """The points of a region by the protocol's words, one by one."""
+    cloud, held_out = (site.points, site.points_held_out) if reading == "points" else (site.voxels, site.voxels_held_out)
+    fitted = ~held_out if reading == "points" else site.voxels_fitted
+    part = gaps.part(cloud.points)
+    chosen = {"gaps": part == INSIDE, "observed": held_out & (part == OUTSIDE), "fitted": fitted & (part == OUTSIDE)}[region.split("-")[0]]
+    if "ground" in region:
+        chosen &= (site.ground.height_above(cloud.points) > ABOVE_GROUND_M) == ("above" in region)
+    return cloud.points[chosen]
+
+
+@pytest.mark.parametrize("reading", ["points", "voxels"])
+def test_regions_hold_what_their_names_say(place, reading):
+    gaps = random_gaps(place.fit, 1.5, place.resolution_m, 0)
+    asked = gap_case(place, gaps).asked[reading]
+    split = {f"{region}-{side}-ground" for region in ("observed", "gaps") for side in ("near", "above")}
+    assert set(asked.regions) == {"observed", "fitted", "gaps"} | (split if place.dimension == 3 else set())
+    for region, chosen in asked.regions.items():
+        np.testing.assert_array_equal(asked.points[chosen], part_of(place, gaps, reading, region))
+
+
+def test_of_a_large_region_some_are_scored_and_the_same_ones_each_time(box, monkeypatch):
+    gaps = random_gaps(box.fit, 1.5, box.resolution_m, 0)
+    every = gap_case(box, gaps).asked["voxels"]
+    monkeypatch.setattr(cases, "MOST_SCORED", 300)
+    some, again = (gap_case(box, gaps).asked["voxels"] for _ in range(2))
+    for region in ("observed", "fitted", "gaps"):
+        assert len(some.regions[region]) == min(300, len(every.regions[region]))
+        np.testing.assert_array_equal(some.points[some.regions[region]], again.points[again.regions[region]])
+        whole = {tuple(point) for point in every.points[every.regions[region]]}
+        assert {tuple(point) for point in some.points[some.regions[region]]} <= whole
+    near, above = (set(some.regions[f"gaps-{side}-ground"].tolist()) for side in ("near", "above"))
+    assert near | above == set(some.regions["gaps"].tolist()) and not near & above
