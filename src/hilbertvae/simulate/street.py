@@ -1,0 +1,203 @@
+"""Simulated streets: a street, a drive along it and a spinning lidar give scans, as those of a real car do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hilbertvae.checks import InputError, check_positive
+from hilbertvae.scans.scan import Scans
+from hilbertvae.simulate.laser import sim_extra
+from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar, hidden_by_car, sense_turn
+
+CHARACTERS = {"residential": 0.48, "town": 0.27, "avenue": 0.07, "outskirts": 0.11, "park": 0.07}
+"""Shares of the kinds of streets among those of character "any"."""
+
+SENSOR_SHARES = {"hdl64": 0.6, "hdl32": 0.25, "os1": 0.15}
+"""Shares of the sensors among sites of sensor "any"."""
+
+WHERE_SENSORS_DRIVE = {"hdl64": {}, "hdl32": {"avenue": 30.0, "outskirts": 3.0}, "os1": {"park": 12.0}}
+"""How many times as often as others a sensor's car is in such streets: wide ones for nuScenes' cars, paths for a small robot."""
+
+
+@dataclass
+class StreetSettings:
+    """What streets are drawn, and how they are scanned.
+
+    character: one of `CHARACTERS`, or "any". sensor: a key of `spinning_lidar.SENSORS`, or "any": another one per site.
+    azimuths, max_range_m, range_noise_m: firings in a turn, longest range and spread of ranges; None for the sensor's own.
+    single_scan_share: of sites, those of one scan only; the others have 2 to `scans` scans, `shortest_step_m` to `longest_step_m` apart.
+    pose_noise_m, heading_noise_deg: spread of the slowly wandering error of the poses, as scan matching leaves it.
+    traffic: whether anything moves between scans.
+    """
+
+    character: str = "any"
+    sensor: str = "any"
+    azimuths: int | None = None
+    max_range_m: float | None = None
+    scans: int = 30
+    single_scan_share: float = 0.5
+    shortest_step_m: float = 0.5
+    longest_step_m: float = 3.0
+    pose_noise_m: float = 0.012
+    heading_noise_deg: float = 0.05
+    range_noise_m: float | None = None
+    nearest_m: float = 2.5
+    traffic: bool = True
+
+    def __post_init__(self):
+        if self.character not in ("any", *CHARACTERS):
+            raise InputError(f'street.character: expected "any" or one of {", ".join(CHARACTERS)}, got {self.character!r}')
+        if self.sensor not in ("any", *SENSORS):
+            raise InputError(f'street.sensor: expected "any" or one of {", ".join(SENSORS)}, got {self.sensor!r}')
+        for name, least in (("scans", 1), ("azimuths", 4)):
+            value = getattr(self, name)
+            if (value is not None or name == "scans") and (isinstance(value, bool) or not isinstance(value, int) or value < least):
+                raise InputError(f"street.{name}: expected a whole number of at least {least}, got {value!r}")
+        if not 0 <= self.single_scan_share <= 1:
+            raise InputError(f"street.single_scan_share: expected a share from 0 to 1, got {self.single_scan_share!r}")
+        for name in ("shortest_step_m", "longest_step_m", "nearest_m"):
+            check_positive(getattr(self, name), f"street.{name}")
+        if self.shortest_step_m > self.longest_step_m:
+            raise InputError(
+                f"street.shortest_step_m: expected at most longest_step_m ({self.longest_step_m!r}), got {self.shortest_step_m!r}"
+            )
+        if self.max_range_m is not None and check_positive(self.max_range_m, "street.max_range_m") <= self.nearest_m:
+            raise InputError(f"street.max_range_m: expected more than nearest_m ({self.nearest_m!r}), got {self.max_range_m!r}")
+        for name in ("pose_noise_m", "heading_noise_deg", "range_noise_m"):
+            if getattr(self, name) is None and name == "range_noise_m":
+                continue
+            if not np.isfinite(getattr(self, name)) or getattr(self, name) < 0:
+                raise InputError(f"street.{name}: expected zero or a positive number, got {getattr(self, name)!r}")
+
+
+def simulate_street(settings: StreetSettings, seed: int) -> Scans:
+    """The scans of one random street, in the frame of the first scan's sensor. The same settings and seed give the same bits.
+
+    Raises `InputError` where the extra `sim` is not installed.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise InputError(f"seed: expected a whole number of at least 0, got {seed!r}")
+    for module in ("shapely", "trimesh", "trimesh.ray.ray_pyembree"):
+        sim_extra(module)
+    from hilbertvae.simulate.street_filling import add_traffic, fill
+    from hilbertvae.simulate.street_plan import BEYOND_M, draw_street_plan
+
+    for_plan, for_things, for_drive, for_laser = (np.random.default_rng([seed, part]) for part in range(4))
+    sensor = settings.sensor if settings.sensor != "any" else _pick(for_laser, SENSOR_SHARES)
+    lidar = draw_lidar(for_laser, sensor, settings)
+    scans = 1 if settings.scans == 1 or for_drive.random() < settings.single_scan_share else int(for_drive.integers(2, settings.scans + 1))
+    step_m = for_drive.uniform(settings.shortest_step_m, settings.longest_step_m)
+    shares = {name: share * WHERE_SENSORS_DRIVE[sensor].get(name, 1.0) for name, share in CHARACTERS.items()}
+    character = settings.character if settings.character != "any" else _pick(for_plan, shares)
+    plan = draw_street_plan(for_plan, character, step_m * (scans - 1), min(BEYOND_M, lidar.max_range_m + 5))
+    scene = fill(for_things, plan, step_m * (scans - 1))
+    lane_s = step_m * np.arange(scans)
+    if settings.traffic:
+        add_traffic(for_things, scene, step_m, lane_s)
+    else:
+        scene.movers.clear()
+    poses = draw_poses(for_drive, plan, lane_s, lidar.height_m)
+    return scan_scene(for_laser, scene, poses, lidar, settings)
+
+
+def _pick(rng: np.random.Generator, shares: dict[str, float]) -> str:
+    weights = np.array(list(shares.values()))
+    return str(rng.choice(list(shares), p=weights / weights.sum()))
+
+
+def draw_lidar(rng: np.random.Generator, sensor: str, settings: StreetSettings) -> SpinningLidar:
+    """A sensor of `SENSORS`, mounted some centimetres higher or lower, more or less sensitive."""
+    lidar = SENSORS[sensor]
+    noise = lidar.range_noise_m if settings.range_noise_m is None else settings.range_noise_m
+    return replace(
+        lidar,
+        azimuths=settings.azimuths or lidar.azimuths,
+        max_range_m=settings.max_range_m or lidar.max_range_m,
+        height_m=lidar.height_m + rng.normal(0, 0.03),
+        faintest=lidar.faintest * rng.choice([0.6, 1.0, 1.8]),
+        range_noise_m=noise,
+        nearest_m=settings.nearest_m,
+    )
+
+
+def draw_poses(rng: np.random.Generator, plan, lane_s: np.ndarray, height_m: float) -> np.ndarray:
+    """(S, 4, 4): sensor to world along the lane, with gentle swerves and the car's pitch and roll on the ground."""
+    swerve, phase, length = rng.normal(0, 0.15), rng.uniform(0, 6), rng.uniform(15, 40)
+
+    def lane(s):
+        t = plan.lane_t + swerve * np.sin(s / length + phase)
+        if plan.island:
+            middle, radius = plan.island
+            around = (radius + plan.ring_m) / 2
+            bend = np.sqrt(np.maximum(around**2 - (s - middle) ** 2, 0)) * np.sign(plan.lane_t)
+            t = np.where(np.abs(bend) > np.abs(t), bend, t)
+        return t
+
+    ground, reach = plan.ground, 1.3
+    s = np.asarray(lane_s, dtype=float)
+    place = ground.place(s, lane(s))
+    ahead = ground.place(s + reach, lane(s + reach)) - ground.place(s - reach, lane(s - reach))
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    left = ground.place(s, lane(s) + 0.8) - ground.place(s, lane(s) - 0.8)
+    left -= (left * ahead).sum(axis=1, keepdims=True) * ahead
+    left /= np.linalg.norm(left, axis=1, keepdims=True)
+    turn = np.stack([ahead, left, np.cross(ahead, left)], axis=-1) @ _rotations(np.deg2rad(rng.normal(0, [0.2, 0.3, 0.5], (1, 3))))
+    poses = np.tile(np.eye(4), (len(s), 1, 1))
+    poses[:, :3, :3] = turn
+    poses[:, :3, 3] = place + height_m * turn[:, :, 2]
+    return poses
+
+
+def scan_scene(rng: np.random.Generator, scene, poses: np.ndarray, lidar: SpinningLidar, settings: StreetSettings) -> Scans:
+    """What the lidar returns at `poses` (S, 4, 4), placed where scan matching believes it was, relative to the first pose."""
+    from hilbertvae.simulate.soup import joined
+    from hilbertvae.simulate.surfaces import SurfaceCaster
+
+    still = SurfaceCaster(scene.soup())
+    hidden = hidden_by_car(rng, lidar)
+    bias = rng.normal(0, lidar.laser_bias_m, lidar.lasers)
+    believed = np.linalg.inv(poses[0]) @ poses @ _errors(rng, len(poses), settings)
+    points, origins, scan, beam = [], [], [], []
+    for k, pose in enumerate(poses):
+        moving = joined([mover.at_scan(k).in_world(scene.plan.ground) for mover in scene.movers])
+        casters = [still, SurfaceCaster(moving)] if len(moving) else [still]
+        turn = sense_turn(rng, lidar, casters, pose, bias, hidden)
+        azimuth, laser = np.nonzero(np.isfinite(turn.ranges))
+        start, way = turn.starts[azimuth, laser], turn.directions[azimuth, laser]
+        origin = start @ believed[k, :3, :3].T + believed[k, :3, 3]
+        origins.append(origin)
+        points.append(origin + turn.ranges[azimuth, laser, None] * (way @ believed[k, :3, :3].T))
+        beam.append(azimuth * lidar.lasers + laser)
+        scan.append(np.full(len(azimuth), k))
+    return Scans(
+        np.concatenate(points), np.concatenate(origins), np.concatenate(scan).astype(np.int32), np.concatenate(beam).astype(np.int32)
+    )
+
+
+def _errors(rng, count: int, settings: StreetSettings) -> np.ndarray:
+    """(S, 4, 4): small motions that wander over about ten scans; none in the first."""
+    memory = 0.9
+    spread = [settings.pose_noise_m] * 3 + [np.deg2rad(settings.heading_noise_deg)] * 3
+    error = rng.normal(size=(count, 6)) * spread * rng.choice([0.6, 1.0, 1.5])
+    error[0] = 0
+    for k in range(1, count):
+        error[k] = memory * error[k - 1] + np.sqrt(1 - memory**2) * error[k]
+    motions = np.tile(np.eye(4), (count, 1, 1))
+    motions[:, :3, :3] = _rotations(error[:, 3:])
+    motions[:, :3, 3] = error[:, :3]
+    return motions
+
+
+def _rotations(angles: np.ndarray) -> np.ndarray:
+    """(S, 3, 3): turns by roll, pitch and heading (S, 3), radians."""
+    roll, pitch, yaw = angles.T
+    zero, one = np.zeros_like(roll), np.ones_like(roll)
+    matrices = [
+        [[np.cos(yaw), -np.sin(yaw), zero], [np.sin(yaw), np.cos(yaw), zero], [zero, zero, one]],
+        [[np.cos(pitch), zero, np.sin(pitch)], [zero, one, zero], [-np.sin(pitch), zero, np.cos(pitch)]],
+        [[one, zero, zero], [zero, np.cos(roll), -np.sin(roll)], [zero, np.sin(roll), np.cos(roll)]],
+    ]
+    about_z, about_y, about_x = (np.moveaxis(np.array(matrix), 2, 0) for matrix in matrices)
+    return about_z @ about_y @ about_x

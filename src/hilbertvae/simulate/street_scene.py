@@ -1,0 +1,75 @@
+"""What a scene of a street is: ground, things that stand on it, and things that move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hilbertvae.simulate.kerb_lines import Line
+from hilbertvae.simulate.soup import Soup, joined
+from hilbertvae.simulate.street_plan import StreetPlan
+from hilbertvae.simulate.terrain import Ground, ground_soup
+
+
+@dataclass(frozen=True)
+class Thing:
+    """A soup that stands on the ground at (s, t) of the plan and faces `angle_rad` there.
+
+    draped: each of its places keeps its height above the ground, as what is long or has wheels; else it stands upright.
+    """
+
+    kind: str
+    soup: Soup
+    s: float
+    t: float
+    angle_rad: float = 0.0
+    draped: bool = False
+
+    def in_world(self, ground: Ground) -> Soup:
+        if not self.draped:
+            return self.soup.moved(ground.place(self.s, self.t), self.angle_rad + ground.heading(self.s))
+        local = self.soup.triangles
+        cosine, sine = np.cos(self.angle_rad), np.sin(self.angle_rad)
+        s, t = self.s + cosine * local[..., 0] - sine * local[..., 1], self.t + sine * local[..., 0] + cosine * local[..., 1]
+        raised = ground.height(self.s, self.t) - ground.level(self.s, self.t)
+        return Soup(np.stack([*ground.in_world(s, t), local[..., 2] + ground.level(s, t) + raised], axis=-1), self.soup.surface)
+
+
+@dataclass(frozen=True)
+class Mover:
+    """A thing that goes `step_m` ahead between one scan and the next."""
+
+    thing: Thing
+    step_m: float
+
+    def at_scan(self, k: int) -> Thing:
+        s, t = self.thing.s + k * self.step_m * np.cos(self.thing.angle_rad), self.thing.t + k * self.step_m * np.sin(self.thing.angle_rad)
+        return Thing(self.thing.kind, self.thing.soup, float(s), float(t), self.thing.angle_rad, self.thing.draped)
+
+
+@dataclass
+class Scene:
+    """Ground, things that stay, and things that move."""
+
+    plan: StreetPlan
+    drive_m: float
+    bare_trees: bool = False
+    things: list[Thing] = field(default_factory=list)
+    movers: list[Mover] = field(default_factory=list)
+
+    def add(self, kind: str, soup: Soup, line: Line, x: float, y: float, turn_rad: float = 0.0, draped: bool = False) -> None:
+        """A thing at (x, y) of a line; its own x runs along the line, its y away from the road."""
+        s, t = line.at(x, y)
+        self.things.append(Thing(kind, soup, float(s), float(t), line.angle_rad + turn_rad, draped))
+
+    def leaf_m(self, line: Line, x: float, y: float) -> float:
+        """Facets grow with the distance from the drive: a far crown needs fewer of them to look the same."""
+        s, t = line.at(x, y)
+        away = np.hypot(max(0.0, -s, s - self.drive_m), t)
+        return float(np.clip(0.13 + 0.009 * away, 0.17, 0.8))
+
+    def soup(self) -> Soup:
+        """All that stays, in the world."""
+        ground = self.plan.ground
+        return joined([ground_soup(ground, self.plan.extent, self.plan.grass), *(thing.in_world(ground) for thing in self.things)])

@@ -1,0 +1,102 @@
+"""Sensor presets, and what a turn makes of a scene."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hilbertvae.checks import InputError
+from hilbertvae.simulate.soup import Surface, boxes_3d, joined, quads
+from hilbertvae.simulate.spinning_lidar import SENSORS, hidden_by_car, rays, sense_turn
+
+pytest.importorskip("embreex")
+
+from hilbertvae.simulate.surfaces import SurfaceCaster, echoes  # noqa: E402
+
+EXACT = replace(SENSORS["hdl64"], azimuths=60, range_noise_m=0.0, laser_bias_m=0.0, miss_share=0.0, edge_mix_share=0.0, faintest=1e-12)
+
+
+def pane(x, kind, half=50.0):
+    return quads([[x, -half, -half], [x, half, -half], [x, half, half], [x, -half, half]], kind)
+
+
+def test_presets_have_the_lasers_of_the_real_sensors():
+    hdl64, hdl32, os1 = (np.array(SENSORS[name].elevations_deg) for name in ("hdl64", "hdl32", "os1"))
+    assert (len(hdl64), len(hdl32), len(os1)) == (64, 32, 64)
+    np.testing.assert_allclose(np.diff(hdl64[:32]), -1 / 3, atol=0.02)
+    np.testing.assert_allclose(np.diff(hdl64[32:]), -1 / 2, atol=0.03)
+    assert hdl64[0] == pytest.approx(2, abs=0.1) and hdl64[-1] == pytest.approx(-24.8, abs=0.3)
+    assert set(SENSORS["hdl64"].start_heights_m[:32]) == {0.20} and set(SENSORS["hdl64"].start_heights_m[32:]) == {0.12}
+    np.testing.assert_allclose([hdl32[0], hdl32[-1]], [10.67, -30.67])
+    np.testing.assert_allclose([os1[0], os1[-1]], [16.6, -16.6])
+
+
+def test_rays_have_unit_length_and_turn_clockwise():
+    starts, directions = rays(EXACT)
+    assert starts.shape == directions.shape == (60, 64, 3)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=2), 1)
+    np.testing.assert_allclose(directions[15, :, 0], 0, atol=1e-12)
+    assert (directions[15, :, 1] < 0).all()
+
+
+def test_ranges_on_a_wall_are_exact():
+    turn = sense_turn(
+        np.random.default_rng(0), EXACT, [SurfaceCaster(pane(10.0, Surface.CLOTH))], np.eye(4), np.zeros(64), np.zeros((60, 64), bool)
+    )
+    np.testing.assert_allclose(turn.ranges[0], 10 / np.cos(np.deg2rad(EXACT.elevations_deg)))
+    assert np.isnan(turn.ranges[20:40]).all()
+
+
+def test_the_nearest_of_several_scenes_answers():
+    casters = [SurfaceCaster(pane(10.0, Surface.CLOTH)), SurfaceCaster(boxes_3d([6, 0, -5], [2, 2, 10], surface=Surface.CLOTH))]
+    echo = echoes(np.random.default_rng(0), casters, np.zeros((2, 3)), np.array([[1.0, 0, 0], [0.8, 0.6, 0]]))
+    np.testing.assert_allclose(echo.ranges, [5.0, 12.5])
+
+
+@pytest.mark.parametrize(
+    ("kind", "returned", "passed"), [(Surface.GLASS, 0.015, 0.04), (Surface.PANE, 0.03, 0.85), (Surface.NET, 0.35, 0.65)]
+)
+def test_panes_and_nets_let_beams_through(kind, returned, passed):
+    caster = SurfaceCaster(joined([pane(5.0, kind), pane(8.0, Surface.WALL)]))
+    count = 20_000
+    echo = echoes(np.random.default_rng(0), [caster], np.zeros((count, 3)), np.tile([1.0, 0, 0], (count, 1)))
+    assert np.mean(np.abs(echo.ranges - 5) < 1e-6) == pytest.approx(returned, abs=0.02)
+    assert np.mean(np.abs(echo.ranges - 8) < 1e-6) == pytest.approx(passed, abs=0.02)
+    assert np.isinf(echo.ranges).mean() == pytest.approx(1 - returned - passed, abs=0.02)
+
+
+def test_dark_and_slanted_surfaces_are_lost_with_range():
+    lidar = replace(SENSORS["hdl64"], azimuths=400)
+    shares = []
+    for kind, metres in ((Surface.WALL, 60.0), (Surface.DARK, 15.0), (Surface.DARK, 75.0)):
+        turn = sense_turn(
+            np.random.default_rng(0), lidar, [SurfaceCaster(pane(metres, kind))], np.eye(4), np.zeros(64), np.zeros((400, 64), bool)
+        )
+        shares.append(np.isfinite(turn.ranges[:20]).mean())
+    assert shares[0] > 0.9 and shares[1] > 0.9 > shares[2]
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_the_car_hides_low_beams_ahead_and_behind_only(name):
+    lidar = replace(SENSORS[name], posts=0)
+    hidden = hidden_by_car(np.random.default_rng(0), lidar)
+    aside = lidar.azimuths // 4
+    assert hidden.shape == (lidar.azimuths, lidar.lasers)
+    assert not hidden[aside - 10 : aside + 10].any() and not hidden[:, 0].any()
+    assert hidden[0].any() == bool(lidar.car)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"azimuths": 3}, "lidar.azimuths"),
+        ({"elevations_deg": ()}, "lidar.elevations_deg"),
+        ({"start_heights_m": (0.0,)}, "lidar.start_heights_m"),
+        ({"max_range_m": -1.0}, "lidar.max_range_m"),
+        ({"range_noise_m": -1.0}, "lidar.range_noise_m"),
+        ({"miss_share": 2.0}, "lidar.miss_share"),
+    ],
+)
+def test_bad_settings_are_named(setting, message):
+    with pytest.raises(InputError, match=message):
+        replace(EXACT, **setting)
