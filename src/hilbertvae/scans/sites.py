@@ -48,7 +48,8 @@ class CatalogueEntry:
     beams: int = 0
     """Of a planar laser."""
     beam_origin: str = "centre"
-    """Where the beams of a 3D scan start: a key of `BEAM_ORIGINS`."""
+    """Where the beams of a 3D scan start: a key of `BEAM_ORIGINS`, or three numbers. NCLT's clouds are in the robot's frame: its lidar
+    stands 0.96 m above, and the rings of its lasers are sharpest when seen from there."""
 
     @property
     def step_deg(self) -> float:
@@ -89,7 +90,7 @@ CATALOGUE: dict[str, CatalogueEntry] = {entry.name: entry for entry in [
     _solid("single_kitti_raw_0079", "KITTI raw, drive 0079, one scan", "train", "hdl64", "5390dd8906b1e1c2dd4e067481cd9886287b95f71ef388872d1373bd35ab9d87"),
     _solid("single_kitti_raw_r115", "KITTI raw, drive 0115, one scan", "train", "hdl64", "8c4f9fe44fd2e79c140a51f364828c4a938906e7a99a199aacd41b572bef9e89"),
     _solid("single_kitti_raw_street", "KITTI raw, a street, one scan", "train", "hdl64", "002eed94980123c3a754357541f45351cfe76cad2dda115c2517eedb81e25f27"),
-    _solid("single_nclt", "NCLT, Ann Arbor, one scan", "train", "centre", "0757fc2fc3c2a90e5b9075ec90244c95e75dbcb0a484a737b4c0ea14d3ea3774"),
+    _solid("single_nclt", "NCLT, Ann Arbor, one scan", "train", "0, 0, 0.96", "0757fc2fc3c2a90e5b9075ec90244c95e75dbcb0a484a737b4c0ea14d3ea3774"),
     _solid("single_nuscenes_n008", "nuScenes, car n008, one scan", "train", "centre", "3268bbe17ba20bfe9e6d793c09143b974d1d1bad4f08b672940ab1972c209613"),
     _solid("single_nuscenes_n015", "nuScenes, car n015, one scan", "train", "centre", "81e6121dafe51eb0de7d8ece6442f404087cfbcf4f387dec2b50a30c7bdfba57"),
     _solid("single_rellis_os1_000104", "RELLIS-3D, OS1, one scan", "train", "centre", "d9855679c580340a9b856d4e499ebde6725e9cfaeaf56ebc65ec0631ff55ac0c"),

@@ -93,7 +93,7 @@ def sim_extra(module: str):
         return importlib.import_module(module)
     except ImportError as error:
         raise InputError(
-            f"simulated buildings need the extra 'sim', and {error.name or module} is not installed: pip install hilbertvae[sim]"
+            f"simulated sites need the extra 'sim', and {error.name or module} is not installed: pip install hilbertvae[sim]"
         ) from error
 
 
