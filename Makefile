@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run test clean
+.PHONY: run run-3d test clean
 .DEFAULT_GOAL := run
 
 $(READY): pyproject.toml constraints.txt
@@ -16,10 +16,13 @@ $(READY): pyproject.toml constraints.txt
 run: $(READY)  ## Train on simulated buildings, score on another one, leave pictures and result.json in outputs/run
 	$(BIN)/hilbertvae-train
 
+run-3d: $(READY)  ## The same with simulated streets and a spinning lidar, in outputs/streets
+	$(BIN)/hilbertvae-train experiment=streets
+
 test: $(READY)  ## The whole suite, lint and the one-way flow of imports
 	$(BIN)/ruff check src tests benchmarks
 	$(BIN)/lint-imports
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto  # one thread in each worker: two torch processes with two each fight
 
 clean:
-	rm -rf outputs/run outputs/cache
+	rm -rf outputs/run outputs/streets outputs/cache

@@ -54,6 +54,16 @@ class TestEveryConfiguration:
         settings = fast(tmp_path, f"experiment={experiment}", "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false")
         assert run(settings) == 0
 
+    def test_a_run_in_three_dimensions_is_scored_and_looked_at(self, tmp_path):
+        settings = fast(tmp_path, "experiment=streets", "mapper=[cvae-hm,octomap,nearest]")
+        assert run(settings) == 0
+        found, _ = read_result(tmp_path / "run/result.json")
+        assert found.dimension == 3 and set(found.scores) == {"cvae-hm", "octomap", "nearest"}
+        assert {"gaps-above-ground", "gaps-near-ground"} <= set(found.scores["octomap"]["voxels"])
+        pictures = {path.stem for path in (tmp_path / "run/pictures").glob("*.png")}
+        assert pictures >= {"map", "gaps", "slices", "pipeline", "sites", "prior", "precision_recall", "reliability"}
+        assert "paper" in (tmp_path / "run/scores.md").read_text()
+
     def test_every_mapper_is_scored_in_one_run_and_the_report_is_whole(self, tmp_path, capsys):
         flat = [name for name in names("mapper") if not name.endswith("-3d")]  # those have the names of the others
         settings = fast(tmp_path, f"mapper=[{','.join(flat)}]")
