@@ -1,9 +1,10 @@
-"""A cloud of ten million points mapped by a Hilbert Map with a network, in a process of its own: peak memory, and seconds by stage.
+"""Clouds of millions of points mapped by a Hilbert Map with a network, in processes of their own: peak memory, and seconds by stage.
 
     python benchmarks/large_cloud.py [--checkpoint WEIGHTS] [--points 10000000] [--quick]
+    python benchmarks/large_cloud.py --dimension 3 --points 1000000 5000000 20000000
 
-The cloud is one simulated building's, again and again side by side, so that walls, free space and weights are as dense as in a
-building. The network has fresh weights unless given: they change neither time nor memory. The peak is that of the whole process,
+The cloud is that of one simulated building, or street, again and again side by side, so that walls, free space and weights are as dense
+as in one. The network has fresh weights unless given: they change neither time nor memory. The peak is that of the whole process,
 libraries and the cloud included.
 """
 
@@ -18,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from measuring import arguments, report, seconds_of, stage_seconds, target
 
-from hilbertvae.cloud import Cloud
+from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.mappers import hilbert_map
 from hilbertvae.mappers.hilbert_map import HilbertMap
@@ -27,9 +28,14 @@ from hilbertvae.reconstruction.likelihood import LikelihoodSettings
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.simulate.building import BuildingSettings
+from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.site import SiteSource, open_site
 
-WANTED_GB = 6.0
+WANTED_GB = {2: 6.0, 3: 8.0}
+WANTED_GROWTH = 1.3
+"""Times that a point may take in the largest cloud of those in the smallest: cost grows linearly."""
+NETWORKS = {2: GatedNetworkSettings(), 3: GatedNetworkSettings(channels=[96, 192], blocks=[2, 2])}
+GRIDS = {2: GridSettings(), 3: GridSettings(cells=32, inner_radius_m=2.0)}
 STAGES = {
     "evidence": (hilbert_map, "Evidence"),
     "cluster": (hilbert_map, "find_frames"),
@@ -48,36 +54,46 @@ def tiled(cloud: Cloud, points: int) -> Cloud:
     """Copies of the cloud on a square lattice, as few as make so many points."""
     copies = -(-points // len(cloud))
     side = int(np.ceil(np.sqrt(copies)))
-    step = np.ceil((cloud.points.max(axis=0) - cloud.points.min(axis=0) + MARGIN_M) * 10) / 10
+    step = np.ceil((np.ptp(cloud.points[:, :2], axis=0) + MARGIN_M) * 10) / 10
     place = np.stack(np.divmod(np.arange(copies), side), axis=1) * step
-    every = (cloud.points + place[:, None]).reshape(-1, 2)
+    place = np.pad(place, ((0, 0), (0, cloud.points.shape[1] - 2)))
+    every = (cloud.points + place[:, None]).reshape(-1, cloud.points.shape[1])
     return Cloud(every, np.tile(cloud.occupied, copies), np.tile(cloud.weight, copies))
 
 
-def fresh_network() -> Reconstructor:
+def fresh_network(dimension: int) -> Reconstructor:
     """The default network before any training."""
-    grid = GridSettings()
-    network = build_network(GatedNetworkSettings(), 2, grid.cells)
-    return Reconstructor(network, GatedNetworkSettings(), LikelihoodSettings(), grid, 2, 0.1)
+    settings, grid = NETWORKS[dimension], GRIDS[dimension]
+    network = build_network(settings, dimension, grid.cells)
+    return Reconstructor(network, settings, LikelihoodSettings(), grid, dimension, RESOLUTION_M[dimension])
 
 
-def work(points: int, flips: int, queries: int, checkpoint: str | None) -> dict:
+def one_site(dimension: int, small: bool) -> Cloud:
+    """The cloud of one simulated site; a tiny one for tests."""
+    building = BuildingSettings(shortest_extent_m=12.0, longest_extent_m=15.0, scans=50) if small else BuildingSettings()
+    street = StreetSettings(sensor="hdl64", single_scan_share=0.0, scans=8)
+    if small:
+        street = StreetSettings(scans=1, azimuths=60, max_range_m=15.0)
+    return open_site("simulated:1", source=SiteSource(dimension=dimension, building=building, street=street)).fit
+
+
+def work(dimension: int, points: int, flips: int, queries: int, checkpoint: str | None) -> dict:
     """The process's own part: everything measured, as plain values."""
-    building = BuildingSettings() if points >= 10**6 else BuildingSettings(shortest_extent_m=12.0, longest_extent_m=15.0, scans=50)
-    cloud = tiled(open_site("simulated:1", source=SiteSource(building=building)).fit, points)
+    cloud = tiled(one_site(dimension, points < 10**6), points)
     start_gb = peak_gb()
-    mapper = HilbertMap(Reconstructor.load(checkpoint) if checkpoint else fresh_network(), flips=flips)
+    mapper = HilbertMap(Reconstructor.load(checkpoint) if checkpoint else fresh_network(dimension), flips=flips)
     with stage_seconds(STAGES) as stages:
         fit_s, _ = seconds_of(lambda: mapper.fit(cloud.points, cloud.occupied, cloud.weight))
     fit_gb = peak_gb()
     rng = np.random.default_rng(0)
-    asked = cloud.points[rng.integers(len(cloud), size=queries)] + rng.normal(0, 0.3, (queries, 2))
+    asked = cloud.points[rng.integers(len(cloud), size=queries)] + rng.normal(0, 0.3, (queries, dimension))
     query_s, probability = seconds_of(lambda: mapper.predict_proba(asked))
     assert np.isfinite(probability).all()
     return {
         "points": len(cloud),
         "boxes": len(mapper.frames_),
         "seconds": fit_s + query_s,
+        "us per point": (fit_s + query_s) / len(cloud) * 1e6,
         **stages,
         "query": query_s,
         "queries": queries,
@@ -89,22 +105,36 @@ def work(points: int, flips: int, queries: int, checkpoint: str | None) -> dict:
 
 def main(words: list[str] | None = None) -> None:
     parser = arguments(__doc__)
-    parser.add_argument("--points", type=int, default=10_000_000)
+    parser.add_argument("--dimension", type=int, choices=(2, 3), default=2)
+    parser.add_argument("--points", type=int, nargs="+", default=[10_000_000])
     parser.add_argument("--queries", type=int, default=1_000_000)
     parser.add_argument("--flips", type=int, default=4, help="symmetries over which a reconstruction is averaged")
     parser.add_argument("--checkpoint")
     parser.add_argument("--child", action="store_true", help="do the work here and print the numbers as JSON")
     given = parser.parse_args(words)
-    points, flips, queries = (10_000, 1, 20_000) if given.quick else (given.points, given.flips, given.queries)
+    counts, flips, queries = ([10_000, 20_000], 1, 20_000) if given.quick else (given.points, given.flips, given.queries)
     if given.child:
-        print(json.dumps(work(points, flips, queries, given.checkpoint)))
+        print(json.dumps(work(given.dimension, given.points[0], given.flips, given.queries, given.checkpoint)))
         return
-    command = [sys.executable, str(Path(__file__)), "--child", f"--points={points}", f"--flips={flips}", f"--queries={queries}"]
-    command += [f"--checkpoint={given.checkpoint}"] if given.checkpoint else []
+    rows = [measured(given.dimension, points, flips, queries, given.checkpoint) for points in sorted(counts)]
+    largest, wanted_gb = rows[-1], WANTED_GB[given.dimension]
+    peak, growth = largest["peak_gb"], largest["us per point"] / rows[0]["us per point"]
+    targets = [target(f"GB at the peak for {largest['points']:.0e} points", f"<= {wanted_gb:g}", peak, peak <= wanted_gb)]
+    if len(rows) > 1:
+        wanted = f"<= {WANTED_GROWTH:g}"
+        targets.append(target(f"time per point there / at {rows[0]['points']:.0e}", wanted, growth, growth <= WANTED_GROWTH))
+    name = "large_cloud" if given.dimension == 2 else "large_cloud_3d"
+    report(name, given, rows, targets, {"dimension": given.dimension, "flips": flips, "trained": bool(given.checkpoint)}, "large_cloud")
+
+
+def measured(dimension: int, points: int, flips: int, queries: int, checkpoint: str | None) -> dict:
+    """A row: `work` in a process of its own, whose peak of memory is its own too."""
+    command = [sys.executable, str(Path(__file__)), "--child", f"--dimension={dimension}", f"--points={points}"]
+    command += [f"--flips={flips}", f"--queries={queries}", *([f"--checkpoint={checkpoint}"] if checkpoint else [])]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
     row = json.loads(done.stdout.splitlines()[-1])
-    kept = target(f"GB at the peak for {row['points']:.0e} points", f"<= {WANTED_GB:g}", row["peak_gb"], row["peak_gb"] <= WANTED_GB)
-    report("large_cloud", given, [{"what": "Hilbert Map", **row}], [kept], {"flips": flips, "trained": bool(given.checkpoint)})
+    print(f"{row['points']:.0e} points: {row['seconds']:.1f} s, {row['peak_gb']:.2f} GB", flush=True)
+    return {"what": "Hilbert Map", **row}
 
 
 if __name__ == "__main__":

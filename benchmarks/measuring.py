@@ -67,8 +67,11 @@ def target(what: str, wanted: str, found: float, met: bool) -> dict:
     return {"what": what, "wanted": wanted, "found": float(found), "met": bool(met)}
 
 
-def report(name: str, given: argparse.Namespace, rows: list[dict], targets: list[dict], facts: dict) -> Path:
-    """Print the rows and the targets, and write `<name>.json` with the machine, the versions, the commit and the command."""
+def report(name: str, given: argparse.Namespace, rows: list[dict], targets: list[dict], facts: dict, script: str | None = None) -> Path:
+    """Print the rows and the targets, and write `<name>.json` with the machine, the versions, the commit and the command.
+
+    script: of what name the benchmark is, if it writes several files.
+    """
     columns = list(dict.fromkeys(column for row in rows for column in row))
     cells = [columns, *([_cell(row.get(column)) for column in columns] for row in rows)]
     widths = [max(len(line[k]) for line in cells) for k in range(len(columns))]
@@ -91,7 +94,7 @@ def report(name: str, given: argparse.Namespace, rows: list[dict], targets: list
         },
         "versions": {"python": platform.python_version(), **package_versions(), **_rivals()},
         "git": git_state(Path(__file__).parent),
-        "command": ["python", f"benchmarks/{name}.py", *_without_folders(sys.argv[1:])],
+        "command": ["python", f"benchmarks/{script or name}.py", *_without_folders(sys.argv[1:])],
     }
     write_json(path, content)
     print(f"written: {path.name}")
