@@ -23,6 +23,16 @@ def test_pairwise_counts_the_seeds_won_and_averages_the_differences_in_points():
     assert "gap-centre" not in table
 
 
+def test_pairwise_in_another_region():
+    points, voxels = gaps([0.8] * 2, [0.9] * 2, [0.8] * 2)["gaps"], gaps([0.5] * 2, [0.8] * 2, [0.6] * 2)["gaps"]
+    ours = {"points": {"gaps-above-ground": points}, "voxels": {"gaps-above-ground": voxels}}
+    theirs = {reading: {"gaps-above-ground": gaps([0.6] * 2, [0.95] * 2, [0.5] * 2)["gaps"]} for reading in ("points", "voxels")}
+    result = result_of({"cvae-hm": ours, "cvae-hm-points": ours, "nearest": theirs})
+    table = pairwise_table(result, "gaps-above-ground")
+    assert "in gaps-above-ground, against" in table and "2 of 2, +20.0" in table and "0 of 2, -5.0" in table
+    assert pairwise_table(result) == ""
+
+
 def test_pairwise_is_empty_without_a_network_or_without_rivals():
     only = {"points": gaps([0.8], [0.9], [0.8]), "voxels": gaps([0.5], [0.8], [0.6])}
     assert pairwise_table(result_of({"nearest": only})) == ""

@@ -12,13 +12,16 @@ CHAMPIONS = {"points": ("cvae-hm-points", "cae-hm-points", "cvae-hm-paper", "cae
 NOT_RIVALS = ("cvae-hm", "cvae-hm-points", "cae-hm", "cae-hm-points", "cvae-hm-paper", "cae-hm-paper", "gap-centre")
 
 
-def pairwise_table(result: Result) -> str:
-    """For each baseline, in how many gap seeds the network's map is better inside gaps, and by how much on average, in points."""
+def pairwise_table(result: Result, region: str = "gaps") -> str:
+    """For each baseline, in how many gap seeds the network's map is better in the region, and by how much on average, in points.
+
+    Empty where nothing was scored in the region.
+    """
     seeds = len(result.gap_seeds)
-    header = ["in gaps, against"]
+    header = [f"in {region}, against"]
     columns = []
     for reading, metric, title in HEADLINES:
-        champion = next((name for name in CHAMPIONS[reading] if name in result.scores), None)
+        champion = next((name for name in CHAMPIONS[reading] if region in result.scores.get(name, {}).get(reading, {})), None)
         if champion is not None:
             header.append(f"`{champion}`, {reading}, {title}")
             columns.append((champion, reading, metric))
@@ -28,7 +31,7 @@ def pairwise_table(result: Result) -> str:
             continue
         row = [rival]
         for champion, reading, metric in columns:
-            ours, theirs = (result.scores[name][reading]["gaps"][metric] for name in (champion, rival))
+            ours, theirs = (result.scores[name][reading][region][metric] for name in (champion, rival))
             differences = [100 * (a - b) for a, b in zip(ours, theirs, strict=True)]
             row.append(f"{sum(d > 0 for d in differences)} of {seeds}, {sum(differences) / seeds:+.1f}")
         rows.append(row)

@@ -72,7 +72,8 @@ class Report:
         about["git"] = self.git
         self.written.append(write_result(folder / "result.json", result, about))
         with atomic(folder / "scores.md") as temporary:
-            tables = [markdown_scores(result), pairwise_table(result), occlusion_table(result), paper_table(result)]
+            pairwise = [pairwise_table(result, region) for region in ("gaps", "gaps-above-ground")]
+            tables = [markdown_scores(result), *pairwise, occlusion_table(result), paper_table(result)]
             temporary.write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
         print_scores(result, Console())
         figures, surface = self._figures(result, site, mappers) if self.pictures and result.scores else ({}, None)

@@ -11,6 +11,8 @@ from hilbertvae.scoring.result import Result
 
 READINGS = ("points", "voxels")
 REGIONS = ("observed", "gaps")
+SPLIT = (("observed-above-ground", "gaps-above-ground"), ("observed-near-ground", "gaps-near-ground"))
+"""What a 3D site's regions are made of: much of a street is ground, which is easy."""
 METRICS = {"precision": "prec.", "recall": "recall", "f1": "F1", "auc": "AUC"}
 BOLD = ("f1", "auc", "best_f1")
 """Metrics of which the best is set in bold: whoever calls everything occupied has the best recall."""
@@ -91,6 +93,7 @@ LEGEND = (
     "In percent, mean±sd over gap seeds. observed: held-out beams outside gaps. Precision, recall and F1 at p > 0.6, AUC at all cuts. "
     "ceiling: the best vote at the map's cell size."
 )
+GROUND_LEGEND = "near ground: within 0.4 m of the local ground; above ground: higher."
 
 
 def print_scores(result: Result, console: Console | None = None) -> None:
@@ -105,12 +108,13 @@ def print_scores(result: Result, console: Console | None = None) -> None:
 
 def markdown_scores(result: Result) -> str:
     """The same tables as Markdown, with what failed under them."""
-    header = ["mapper", *(f"{region} {label}" for region in REGIONS for label in MARKDOWN_METRICS.values())]
     parts = [f"### {heading(result)}"]
     for reading in READINGS:
-        parts.append(f"Scored on {reading}:\n\n" + markdown(header, rows_of(result, reading, metrics=MARKDOWN_METRICS)))
+        for regions in (REGIONS, *(SPLIT if result.dimension == 3 else ())):
+            header = ["mapper", *(f"{region} {label}" for region in regions for label in MARKDOWN_METRICS.values())]
+            parts.append(f"Scored on {reading}:\n\n" + markdown(header, rows_of(result, reading, regions, MARKDOWN_METRICS)))
     parts += [f"{name} failed: {message}" for name, message in result.failed.items()]
-    return "\n\n".join([*parts, LEGEND]) + "\n"
+    return "\n\n".join([*parts, f"{LEGEND} {GROUND_LEGEND}" if result.dimension == 3 else LEGEND]) + "\n"
 
 
 def markdown(header: list[str], rows: list[list[str]]) -> str:
