@@ -33,6 +33,11 @@ def test_mean_over_gap_seeds_and_then_over_training_seeds(compare, tmp_path):
     assert rows[0].count("60.0±14.1") == 7  # 0.5 and 0.7
 
 
+def test_the_committed_table_is_what_the_committed_results_give(compare):
+    folder = Path(__file__).parents[2] / "docs" / "results" / "real_2d_quick"
+    assert (folder / "comparison.md").read_text() == compare(folder)
+
+
 def test_runs_of_another_commit_are_refused(compare, tmp_path):
     put(tmp_path, "gated-seed0", 0.4)
     put(tmp_path, "gated-seed1", 0.6, commit="def")
