@@ -1,10 +1,10 @@
-"""Runs that differ in network and training seed alone, side by side: mean and spread over training seeds.
+"""Runs that differ in network, recipe and training seed, side by side: mean and spread over training seeds.
 
     python benchmarks/compare_runs.py FOLDER
 
 Reads every `result.json` below FOLDER/<network>-seed<seed> and writes FOLDER/comparison.md: per network and mapper, in gaps and on
-held-out beams, the mean over gap seeds and then mean and standard deviation over training seeds. Runs of another protocol, commit or
-version of a package than the others' are refused.
+held-out beams, the mean over gap seeds and then mean and standard deviation over training seeds. Runs of another protocol, commit,
+version of a package, data or budget than the others' are refused; networks may differ in all else that their recipe says.
 """
 
 from __future__ import annotations
@@ -41,7 +41,11 @@ def compare(folder: Path) -> str:
         if not name:
             raise InputError(f"{path}: expected a folder named <network>-seed<seed>")
         result, about = read_result(path)
+        if not about.get("git") or about["git"]["dirty"]:
+            raise InputError(f"{path}: expected a run of a committed tree")
         facts = {"site": result.site, "protocol": result.protocol, "commit": about["git"]["commit"], "packages": about["packages"]}
+        facts |= {"trainer.steps": about["config"]["trainer"]["epochs"] * about["config"]["trainer"]["steps_per_epoch"]}
+        facts |= {"trainer.batch_size": about["config"]["trainer"]["batch_size"], "data": about["config"]["data"]}
         for key, value in facts.items():
             if alike.setdefault(key, value) != value:
                 raise InputError(f"{path}: its {key} differs from the other runs'")

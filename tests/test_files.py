@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from hilbertvae.files import atomic, file_sha256, hash_of, write_json
+from hilbertvae.files import atomic, file_sha256, folder_sha256, hash_of, write_json
 
 
 def test_a_block_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -52,3 +52,19 @@ def test_hash_of_settings_sees_content_and_not_order():
     different = [{"a": 1}, {"a": 2}, {"a": "1"}, {"b": 1}, {"a": [1]}, {"a": None}]
     assert len({hash_of(content) for content in different}) == len(different)
     assert len(hash_of({}, digits=12)) == 12
+
+
+def test_the_hash_of_a_folder_sees_names_contents_and_linked_folders_and_no_hidden_files(tmp_path):
+    elsewhere, folder = tmp_path / "elsewhere", tmp_path / "drive"
+    elsewhere.mkdir()
+    folder.mkdir()
+    (elsewhere / "0.bin").write_bytes(b"scan")
+    (folder / "poses.txt").write_text("1")
+    (folder / "velodyne").symlink_to(elsewhere)
+    first = folder_sha256(folder)
+    (folder / ".DS_Store").write_bytes(b"x")
+    assert folder_sha256(folder) == first
+    (elsewhere / "0.bin").write_bytes(b"another")
+    second = folder_sha256(folder)
+    (elsewhere / "0.bin").rename(elsewhere / "1.bin")
+    assert len({first, second, folder_sha256(folder)}) == 3

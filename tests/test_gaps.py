@@ -26,13 +26,20 @@ def part_by_loop(gaps, point):
 
 
 @settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(2, 3), balls=st.integers(1, 3), resolution_m=st.sampled_from([0.1, 0.4]))
-def test_parts_equal_brute_force(seed, dimension, balls, resolution_m):
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    dimension=st.integers(2, 3),
+    balls=st.integers(0, 3),
+    resolution_m=st.sampled_from([0.1, 0.4]),
+    corner_m=st.sampled_from([0.0, -700.0, 5.4e6]),
+)
+def test_parts_equal_brute_force(seed, dimension, balls, resolution_m, corner_m):
+    """Also where UTM coordinates are."""
     rng = np.random.default_rng(seed)
-    centres = rng.uniform(-1, 1, (balls, dimension)) + 3 * np.arange(balls)[:, None]
+    centres = rng.uniform(-1, 1, (balls, dimension)) + 3 * np.arange(balls)[:, None] + corner_m
     gaps = Gaps(centres, rng.uniform(0.3, 1.2, balls), resolution_m)
-    points = rng.uniform(-2, 8, (150, dimension))
-    points[:60] = centres[0] + rng.normal(0, 0.7, (60, dimension))
+    points = rng.uniform(-2, 8, (150, dimension)) + corner_m
+    points[:60] = (centres[0] if balls else corner_m) + rng.normal(0, 0.7, (60, dimension))
     np.testing.assert_array_equal(gaps.part(points), [part_by_loop(gaps, point) for point in points])
 
 

@@ -88,6 +88,17 @@ def test_scans_of_another_dimension_than_asked_for(tmp_path):
         open_site(str(path), source=SiteSource(dimension=3))
 
 
+def test_a_site_of_the_catalogue_of_another_dimension_is_refused_before_it_is_read():
+    with pytest.raises(InputError, match="intel.*expected 3D scans, as `dimension` says, got 2D"):
+        SiteSource(dimension=3).check("intel")
+
+
+def test_a_path_that_can_t_be_read_is_refused_before_anything_long_is_begun(tmp_path):
+    np.savez(tmp_path / "cloud.npz", points=np.zeros((4, 3)))
+    with pytest.raises(InputError, match="sensor_origin_m"):
+        SiteSource(dimension=3).check(str(tmp_path / "cloud.npz"))
+
+
 def test_what_is_remembered_is_made_once(room):
     made = []
     site = Site("room", room.scans)

@@ -49,9 +49,10 @@ def file_sha256(path: str | os.PathLike) -> str:
 
 
 def folder_sha256(folder: str | os.PathLike) -> str:
-    """The sha256, in hex, of the names and hashes of all files below a folder."""
+    """The sha256, in hex, of the names and hashes of all files below a folder, in linked folders too; hidden files don't count."""
     folder = Path(folder)
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    found = (Path(place) / name for place, _, names in os.walk(folder, followlinks=True) for name in names)
+    files = sorted(path for path in found if not path.name.startswith("."))
     lines = (f"{path.relative_to(folder).as_posix()} {file_sha256(path)}\n" for path in files)
     return hashlib.sha256("".join(lines).encode()).hexdigest()
 

@@ -38,11 +38,13 @@ class Gaps:
 
     def _near(self, points: np.ndarray) -> np.ndarray:
         """(N,) bool: whether a point's cell, of a raster of cells as large as a ball, holds part of a ball: most points' does not."""
+        if not len(self.centres):
+            return np.zeros(len(points), bool)
         reach = self.radius_m[:, None] + self.resolution_m
-        side = float(2 * reach.max(initial=1.0))
+        side = float(2 * reach.max())
         first, last = voxel_index(self.centres - reach, side), voxel_index(self.centres + reach, side)
-        low = first.min(axis=0, initial=0)
-        shape = last.max(axis=0, initial=0) - low + 1
+        low = first.min(axis=0)
+        shape = last.max(axis=0) - low + 1
         held = np.zeros(shape, bool)
         for step in itertools.product((0, 1), repeat=len(low)):  # a ball reaches into two cells along an axis, no more
             held[tuple((np.minimum(first + step, last) - low).T)] = True

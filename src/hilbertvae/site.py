@@ -133,9 +133,9 @@ class SiteSource:
             if not reference.removeprefix(SIMULATED).isdigit():
                 raise InputError(f"site {reference!r}: expected simulated:<seed>, a whole number")
         elif is_scan_path(reference):
-            if not Path(reference).exists():
-                raise InputError(f"{reference}: no such file or folder of scans")
+            self.scans(reference)  # there is no other way to know
         else:
+            self._check_dimension(reference, find_site(reference).dimension)
             site_path(reference, self.folder, self.download)
 
     def scans(self, reference: str) -> Scans:
@@ -143,15 +143,18 @@ class SiteSource:
 
         Raises `InputError` for a reference that is none of these, for files that can't be read, and for another dimension.
         """
-        self.check(reference)
         if reference.startswith(SIMULATED):
+            self.check(reference)
             seed = int(reference.removeprefix(SIMULATED))
             return simulate_street(self.street, seed) if self.dimension == 3 else simulate_building(self.building, seed)
         at_path = is_scan_path(reference)
         found = read_scans_path(reference, self.reading) if at_path else read_site(reference, self.folder, self.download)
-        if self.dimension not in (None, found.dimension):
-            raise InputError(f"site {reference!r}: expected {self.dimension}D scans, as `dimension` says, got {found.dimension}D")
+        self._check_dimension(reference, found.dimension)
         return found
+
+    def _check_dimension(self, reference: str, found: int) -> None:
+        if self.dimension not in (None, found):
+            raise InputError(f"site {reference!r}: expected {self.dimension}D scans, as `dimension` says, got {found}D")
 
     def made_of(self, reference: str) -> dict:
         """What the scans of a reference depend on, for hashes: contents, never places."""
@@ -162,7 +165,11 @@ class SiteSource:
         return {"site": asdict(find_site(reference))}
 
 
+def site_name(reference: str) -> str:
+    """The name of a reference's site: that of the file or folder at a path, else the reference itself."""
+    return Path(reference).resolve().name if is_scan_path(reference) else reference
+
+
 def open_site(reference: str, resolution_m: float = 0.0, source: SiteSource | None = None) -> Site:
-    """The `Site` of a reference (see `SiteSource.scans`); a path's is named after its file or folder."""
-    name = Path(reference).resolve().name if is_scan_path(reference) else reference
-    return Site(name, (source or SiteSource()).scans(reference), resolution_m)
+    """The `Site` of a reference (see `SiteSource.scans`)."""
+    return Site(site_name(reference), (source or SiteSource()).scans(reference), resolution_m)

@@ -18,10 +18,11 @@ def compare(monkeypatch):
     return import_module("compare_runs").compare
 
 
-def put(folder, name, value, commit="abc"):
+def put(folder, name, value, commit="abc", steps=3):
     regions = {region: dict.fromkeys(METRICS, [value, value + 0.2]) for region in ("observed", "gaps")}
     scores = {"cvae-hm": {"points": regions, "voxels": regions}, "nearest": {"points": regions, "voxels": regions}}
-    about = {"git": {"commit": commit, "dirty": False}, "packages": {"numpy": "2"}}
+    config = {"trainer": {"epochs": 1, "steps_per_epoch": steps, "batch_size": 4}, "data": {}}
+    about = {"config": config, "git": {"commit": commit, "dirty": False}, "packages": {"numpy": "2"}}
     write_result(folder / name / "result.json", Result("hall", 2, 2.5, [0, 1], {}, scores), about)
 
 
@@ -42,6 +43,13 @@ def test_runs_of_another_commit_are_refused(compare, tmp_path):
     put(tmp_path, "gated-seed0", 0.4)
     put(tmp_path, "gated-seed1", 0.6, commit="def")
     with pytest.raises(InputError, match="gated-seed1.*its commit differs"):
+        compare(tmp_path)
+
+
+def test_runs_of_another_length_are_refused(compare, tmp_path):
+    put(tmp_path, "gated-seed0", 0.4)
+    put(tmp_path, "gated-seed1", 0.6, steps=4)
+    with pytest.raises(InputError, match="gated-seed1.*its trainer.steps differs"):
         compare(tmp_path)
 
 

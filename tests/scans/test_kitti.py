@@ -32,6 +32,27 @@ def test_a_drive_one_return_at_a_time(tmp_path, beam_origin, heights, every):
     assert 0 < row == len(scans) < 60
 
 
+def test_poses_of_a_camera_are_turned_into_the_lidar_s(tmp_path):
+    """A camera looks along z with y down, and stands 0.3 m ahead of the lidar: 5 m along its z is 5 m ahead for the lidar."""
+    ahead = np.eye(3, 4)
+    ahead[2, 3] = 5.0
+    turn = np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]])
+    calibration = np.column_stack([turn, turn @ [-0.3, 0, 0]])
+    write_drive(tmp_path, [[[10.0, 2, -1.7]]] * 2, [np.eye(3, 4), ahead], NAME)
+    (tmp_path / "calib.txt").write_text("P0: " + " ".join(["1"] * 12) + "\nTr: " + " ".join(map(str, calibration.ravel())) + "\n")
+    scans = read_kitti(tmp_path)
+    np.testing.assert_allclose(scans.points, [[10, 2, -1.7], [15, 2, -1.7]], atol=1e-6)
+    np.testing.assert_allclose(scans.origins, [[0, 0, 0], [5, 0, 0]], atol=1e-6)
+
+
+@pytest.mark.parametrize("line", ["Tr: 1 2 3", "Tr: " + "x " * 12, "Tr: " + "2 " * 12])
+def test_a_calibration_that_is_none(tmp_path, line):
+    write_drive(tmp_path, SCANS, random_poses(3), NAME)
+    (tmp_path / "calib.txt").write_text(f"P0: 1\n{line}\n")
+    with pytest.raises(InputError, match="calib.txt, line 2: expected"):
+        read_kitti(tmp_path)
+
+
 def test_the_car_is_left_out(tmp_path):
     write_drive(tmp_path, [[[1.0, 1, 1], [2.0, 2, 2]]], [np.eye(3, 4)], NAME)
     np.testing.assert_array_equal(read_kitti(tmp_path).points, [[2, 2, 2]])

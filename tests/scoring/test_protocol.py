@@ -240,6 +240,17 @@ def test_which_scans_occlusion_keeps(near_sighted):
             assert (parts["occluded-half"][mine] == (scan < count / 2)).all()
 
 
+@pytest.mark.parametrize(("count", "kept"), [(1, set()), (2, {"occluded-half"}), (3, {"occluded-half", "occluded-sparse"})])
+def test_a_site_of_few_scans_keeps_its_other_scores(count, kept):
+    whole = box_room()
+    scans = whole.select(whole.scan < count)
+    assert set(scans.scan) == set(range(count))
+    protocol = Protocol(gap_seeds=[0, 1, 2], gap_ratio=0.5, cluster_size_m=2.0)
+    found = evaluate(ConstantMapper(), Site("few", scans), protocol, "all").scores["all"]["voxels"]
+    assert {name for name in found if name in ("occluded-half", "occluded-sparse")} == kept
+    assert all(len(values) == 3 for region in found.values() for values in region.values())
+
+
 def test_occlusion_by_brute_force(near_sighted):
     """Scored is what only the left-out scans saw, by its distance from the nearest kept point; shown is what the kept ones saw."""
     site = near_sighted

@@ -46,6 +46,24 @@ def test_settings_that_make_no_run_are_named(change, message):
         replace(good(), **change).check()
 
 
+def test_spellings_of_a_path_are_one_site(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    data = DataSettings(train=["drives/monday"], validate="csail", test=["./drives/tuesday/../monday/"])
+    with pytest.raises(InputError, match="data.test: .*monday/ is also trained or validated on"):
+        replace(good(), data=data).check()
+
+
+def test_test_sites_of_one_name_would_overwrite_each_other():
+    data = DataSettings(train=["fr079"], validate="csail", test=["a/00", "b/00"])
+    with pytest.raises(InputError, match="data.test: expected sites of different names"):
+        replace(good(), data=data).check()
+
+
+def test_the_voxel_follows_the_dimension():
+    assert (Settings(dimension=2).resolution_m, Settings(dimension=3).resolution_m) == (0.1, 0.2)
+    assert Settings(dimension=3, resolution_m=0.1).resolution_m == 0.1
+
+
 def test_how_simulated_buildings_are_read():
     data = DataSettings(simulated_scans=20, simulated_extent_m=[12, 16], folder="logs", download=True)
     source = replace(good(), data=data).source()

@@ -69,7 +69,8 @@ def run(settings: Settings) -> int:
     reconstructor = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
     given = {"checkpoint": file_sha256(settings.checkpoint)} if settings.checkpoint else {}  # by what is in it, wherever it lies
     config = asdict(settings)
-    evaluated = {"mapper": settings.mapper, "evaluation": config["evaluation"], "test": data.test, **given}
+    tested = [settings.source().made_of(site) for site in data.test]
+    evaluated = {"mapper": settings.mapper, "evaluation": config["evaluation"], "test": tested, **given}
     identity = {"training": training_hash(settings), **evaluated}
     seeds = {"training": settings.seed, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
 

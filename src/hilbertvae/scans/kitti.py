@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.poses import read_calibration
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_folder import POSES, read_posed_scans, scan_files
 
 VELODYNE = "velodyne"
+CALIBRATION = "calib.txt"
 
 
 def is_kitti(folder: str | os.PathLike) -> bool:
@@ -27,8 +29,9 @@ def read_kitti(
 ) -> Scans:
     """The scans of a drive, as `read_scan_folder` reads them; `beam_origin='hdl64'` is KITTI's own sensor.
 
-    Beams of up to `min_range_m` ended on the car that carries the sensor. Raises `InputError` for a folder of another layout,
-    for another number of poses than of scans, and for files that can't be read.
+    Beams of up to `min_range_m` ended on the car that carries the sensor. KITTI's own poses are the left camera's: where `calib.txt` says
+    how the lidar stands to it, they are turned into the lidar's; without that file poses take the lidar's frame to the map's.
+    Raises `InputError` for a folder of another layout, for another number of poses than of scans, and for files that can't be read.
     """
     folder = Path(folder)
     if not is_kitti(folder):
@@ -36,4 +39,5 @@ def read_kitti(
     files = scan_files(folder / VELODYNE)
     if files[0].suffix.lower() != ".bin":
         raise InputError(f"{folder / VELODYNE}: expected .bin scans, found {files[0].suffix}")
-    return read_posed_scans(files, folder / POSES, beam_origin, max_range_m, min_range_m, every)
+    calibration = read_calibration(folder / CALIBRATION) if (folder / CALIBRATION).is_file() else None
+    return read_posed_scans(files, folder / POSES, beam_origin, max_range_m, min_range_m, every, calibration)

@@ -1,4 +1,4 @@
-"""Reader of `poses.txt`: one sensor-to-map pose a line, as KITTI (12 numbers) or TUM (8 numbers) write them."""
+"""Readers of `poses.txt`, one pose a line in KITTI's (12 numbers) or TUM's form (8 numbers), and of KITTI's `calib.txt`."""
 
 from __future__ import annotations
 
@@ -45,6 +45,37 @@ def read_poses(path: str | os.PathLike) -> np.ndarray:
     if not poses:
         raise InputError(f"{path}: expected poses, found none")
     return np.array(poses)
+
+
+def read_calibration(path: str | os.PathLike) -> np.ndarray | None:
+    """(3, 4) float64: the line `Tr:` of KITTI's `calib.txt`, which takes points from the lidar's frame to the camera's; None without one.
+
+    Raises `InputError` for a line that is no rigid motion.
+    """
+    path = Path(path)
+    with reading(path, "a calibration"), open(path, "rb") as file:
+        for number, line in enumerate(file, start=1):
+            name, *fields = line.split()[:14] or [b""]
+            if name != b"Tr:":
+                continue
+            try:
+                transform = np.array(fields, dtype=np.float64).reshape(3, 4)
+            except ValueError:
+                raise InputError(f"{path}, line {number}: expected Tr: and 12 numbers") from None
+            _check(f"{path}, line {number}", transform)
+            return transform
+    return None
+
+
+def lidar_poses(camera_poses: np.ndarray, lidar_to_camera: np.ndarray) -> np.ndarray:
+    """(S, 3, 4) lidar to map from KITTI's `camera_poses (S, 3, 4)`: its poses are the camera's, in the frame of the first camera.
+
+    The map frame is that of the first lidar: x ahead, z up.
+    """
+    bottom = [[0.0, 0.0, 0.0, 1.0]]
+    calibration = np.vstack([lidar_to_camera, bottom])
+    square = np.concatenate([camera_poses, np.broadcast_to(bottom, (len(camera_poses), 1, 4))], axis=1)
+    return (np.linalg.inv(calibration) @ square @ calibration)[:, :3]
 
 
 def _check(where: str, pose: np.ndarray) -> None:

@@ -14,7 +14,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.file_points import check_reading, reading, within_range
 from hilbertvae.scans.point_files import READERS, read_points
-from hilbertvae.scans.poses import read_poses
+from hilbertvae.scans.poses import lidar_poses, read_poses
 from hilbertvae.scans.scan import Scans
 
 POSES = "poses.txt"
@@ -56,12 +56,20 @@ def _by_name(path: Path) -> tuple[list, str]:
 
 
 def read_posed_scans(
-    files: list[Path], poses_path: Path, beam_origin: str | Sequence[float], max_range_m: float, min_range_m: float, every: int
+    files: list[Path],
+    poses_path: Path,
+    beam_origin: str | Sequence[float],
+    max_range_m: float,
+    min_range_m: float,
+    every: int,
+    lidar_to_camera: np.ndarray | None = None,
 ) -> Scans:
-    """The scans of `files`, the k-th under the k-th pose; see `read_scan_folder`."""
+    """The scans of `files`, the k-th under the k-th pose; see `read_scan_folder`. lidar_to_camera: given where poses are a camera's."""
     check_reading(min_range_m, max_range_m, every)
     beam_origins = find_beam_origins(beam_origin)
     poses = read_poses(poses_path)
+    if lidar_to_camera is not None:
+        poses = lidar_poses(poses, lidar_to_camera)
     if len(poses) != len(files):
         raise InputError(f"{poses_path}: expected a pose for each scan, got {len(poses)} poses for {len(files)} scans ({files[0].parent})")
     points, origins, scan, beam = [], [], [], []

@@ -70,9 +70,13 @@ def _questions(site: Site, cloud: Cloud, regions: dict[str, np.ndarray]) -> Ques
 
 
 def occluded_parts(scans: Scans, seed: int) -> dict[str, np.ndarray]:
-    """The kept returns of each setting, (N,) bool: every tenth scan in 2D and third in 3D, from scan `seed` on; the first half."""
-    step = OCCLUSION_STEP[scans.dimension]
-    return {"occluded-sparse": scans.scan % step == seed % step, "occluded-half": scans.scan < (scans.scan.max() + 1) / 2}
+    """The kept returns of each setting, (N,) bool: every tenth scan in 2D and third in 3D, from scan `seed` on; the first half.
+
+    A setting is left out, for every seed, where a site has too few scans for it.
+    """
+    step, count = OCCLUSION_STEP[scans.dimension], int(scans.scan.max()) + 1
+    settings = {"occluded-sparse": (step, scans.scan % step == seed % step), "occluded-half": (2, scans.scan < count / 2)}
+    return {region: kept for region, (least, kept) in settings.items() if count >= least}
 
 
 def occlusion_case(site: Site, region: str, kept: np.ndarray) -> Case:

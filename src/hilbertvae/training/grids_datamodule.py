@@ -125,7 +125,7 @@ def grids_hash(name: str, seed: int, settings: Settings) -> str:
 def code_hash() -> str:
     """The hash of the sources that grids come from, so that a cache never outlives the code that filled it."""
     folder = Path(hilbertvae.__file__).parent
-    parts = ["voxel_votes.py", "cloud.py", "gaps.py", "bucket_index.py", "scans", "simulate", "clusters", "grids"]
+    parts = ["voxel_votes.py", "cloud.py", "gaps.py", "site.py", "bucket_index.py", "scans", "simulate", "clusters", "grids"]
     files = sorted(file for part in parts for file in ([folder / part] if part.endswith(".py") else (folder / part).glob("*.py")))
     return hash_of([file.read_text(encoding="utf-8") for file in files])
 

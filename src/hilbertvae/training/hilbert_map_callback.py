@@ -40,8 +40,9 @@ class HilbertMapCallback(L.Callback):
         weights = {key.removeprefix("network."): value for key, value in saved["state_dict"].items() if key.startswith("network.")}
         network = module.network.to("cpu")
         network.load_state_dict(weights)
+        kind = {2: "buildings", 3: "streets"}[settings.dimension]
         card = {
-            "trained_on": [*settings.data.train, f"{settings.data.simulated} simulated buildings"],
+            "trained_on": [*settings.data.train, f"{settings.data.simulated} simulated {kind}"],
             "validated_on": settings.data.validate,
             "epoch": saved["epoch"],
             "steps": saved["global_step"],

@@ -14,6 +14,7 @@ from hilbertvae.site import Site, open_site
 from hilbertvae.training.settings import Settings
 
 Writer = Callable[[Result, Site, dict[str, Mapper]], None]
+NOT_THERE = object()
 TRAINED = "trained"
 """What a mapper's `reconstructor` is set to when it takes the network of the run; any other text is a checkpoint's path."""
 
@@ -54,5 +55,7 @@ def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor:
             elif mapper.reconstructor is None and mapper.grid is None:
                 of = reconstructor or settings
                 mapper.set_params(grid=of.grid, resolution_m=of.resolution_m)
+        elif mapper.get_params(deep=False).get("resolution_m", NOT_THERE) is None:
+            mapper.set_params(resolution_m=settings.resolution_m)
         given[name] = mapper
     return given

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from hilbertvae.checks import InputError, check_positive
+from hilbertvae.cloud import RESOLUTION_M
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.training_grids import ClusteringSettings
 from hilbertvae.reconstruction.augmentation import AugmentationSettings
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.likelihood import LikelihoodSettings
-from hilbertvae.scans.formats import ReadingSettings
+from hilbertvae.scans.formats import ReadingSettings, is_scan_path
 from hilbertvae.scoring.protocol import Protocol
 from hilbertvae.simulate.building import BuildingSettings
 from hilbertvae.simulate.street import StreetSettings
-from hilbertvae.site import SIMULATED, SiteSource
+from hilbertvae.site import SIMULATED, SiteSource, site_name
 
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "64-true")
 
@@ -80,7 +82,8 @@ class Settings:
     output: str = "outputs/${name}"
     seed: int = 0
     dimension: int = 2
-    resolution_m: float = 0.1
+    resolution_m: float | None = None
+    """The side of a voxel; 0.1 in 2D and 0.2 in 3D unless given."""
     data: DataSettings = field(default_factory=DataSettings)
     clustering: ClusteringSettings = field(default_factory=ClusteringSettings)
     grid: GridSettings = field(default_factory=GridSettings)
@@ -96,6 +99,10 @@ class Settings:
     pictures: bool = True
     checkpoint: str | None = None
     """Score this `model.safetensors` instead of training."""
+
+    def __post_init__(self):
+        if self.resolution_m is None:
+            self.resolution_m = RESOLUTION_M.get(self.dimension)
 
     def source(self) -> SiteSource:
         """How the run's sites are read."""
@@ -122,13 +129,21 @@ class Settings:
             raise InputError(f"data.simulated_extent_m: expected two lengths from 6 on, the shorter first, got {extent}")
         if self.trainer.precision not in PRECISIONS:
             raise InputError(f"trainer.precision: expected one of {', '.join(PRECISIONS)}, got {self.trainer.precision!r}")
-        trained = {*self.data.train, *self.simulated_sites()}
-        if self.data.validate in trained:
+        trained = {_place(site) for site in (*self.data.train, *self.simulated_sites())}
+        if _place(self.data.validate) in trained:
             raise InputError(f"data.validate: {self.data.validate!r} is also trained on")
-        both = sorted(set(self.data.test) & {*trained, self.data.validate})
+        both = [site for site in self.data.test if _place(site) in {*trained, _place(self.data.validate)}]
         if both:
             raise InputError(f"data.test: {', '.join(both)} is also trained or validated on")
+        names = [site_name(site) for site in self.data.test]
+        if len(set(names)) < len(names):
+            raise InputError(f"data.test: expected sites of different names, since results are kept under them, got {', '.join(names)}")
         for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids"):
             check_positive(getattr(self.trainer, key), f"trainer.{key}")
         if self.trainer.kl_warmup_share < 0.2:
             raise InputError(f"trainer.kl_warmup_share: expected at least 0.2, got {self.trainer.kl_warmup_share}")
+
+
+def _place(reference: str) -> str:
+    """One word for all spellings of a path; other references are such words."""
+    return str(Path(reference).resolve()) if is_scan_path(reference) else reference
