@@ -66,6 +66,14 @@ class TestEveryConfiguration:
         assert pictures >= {"map", "gaps", "slices", "pipeline", "sites", "prior", "precision_recall", "reliability"}
         assert "paper" in (tmp_path / "run/scores.md").read_text()
 
+    def test_mappers_side_by_side_have_the_scores_that_they_have_one_by_one(self, tmp_path):
+        found = []
+        for processes in (1, 2):
+            choice = ["mapper=[nearest,hm,gap-centre]", "pictures=false", f"scoring_processes={processes}"]
+            assert run(fast(tmp_path / str(processes), *choice)) == 0
+            found.append(read_result(tmp_path / str(processes) / "run/result.json")[0])
+        assert found[0].scores == found[1].scores and found[0].gaps == found[1].gaps and found[0].ceiling == found[1].ceiling
+
     def test_a_baseline_has_the_voxels_of_the_run(self, tmp_path):
         settings = fast(tmp_path, "resolution_m=0.2", "mapper=[octomap,nearest]", "pictures=false", "evaluation.occlusion=false")
         mappers = build_mappers(settings.mapper)

@@ -96,6 +96,8 @@ class Settings:
     """Gap seeds on the validation site that the Hilbert Map's `rank` weights are learned from; not those that it is scored on."""
     mapper: dict[str, Any] = field(default_factory=dict)
     """What is scored: by name, `_target_` and settings of an estimator."""
+    scoring_processes: int = 1
+    """Mappers that are scored at a time, each in a process that opens the site anew. Their times are then those of a busy machine."""
     pictures: bool = True
     checkpoint: str | None = None
     """Score this `model.safetensors` instead of training."""
@@ -140,6 +142,7 @@ class Settings:
             raise InputError(f"data.test: expected sites of different names, since results are kept under them, got {', '.join(names)}")
         for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids"):
             check_positive(getattr(self.trainer, key), f"trainer.{key}")
+        check_positive(self.scoring_processes, "scoring_processes")
         if self.trainer.kl_warmup_share < 0.2:
             raise InputError(f"trainer.kl_warmup_share: expected at least 0.2, got {self.trainer.kl_warmup_share}")
 

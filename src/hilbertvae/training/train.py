@@ -37,7 +37,7 @@ class AtomicCheckpoints(TorchCheckpointIO):
 def training_hash(settings: Settings) -> str:
     """The hash of what can change a trained network: not of paths, devices, or what is scored afterwards."""
     made_of = asdict(settings)
-    for key in ("name", "output", "mapper", "pictures", "checkpoint"):
+    for key in ("name", "output", "mapper", "pictures", "checkpoint", "scoring_processes"):
         made_of.pop(key)
     for key in ("gap_seeds", "centred", "occlusion"):  # the gaps' size stays: the best weights are chosen with it
         made_of["evaluation"].pop(key)
