@@ -30,10 +30,11 @@ def place(request) -> Site:
 
 @pytest.fixture(scope="session")
 def real_sites() -> dict[str, Path]:
-    """Files of the catalogue's sites that are on this machine, by name; skips without any."""
+    """Files and folders of the catalogue's sites that are on this machine, by name; skips without any."""
     chosen = os.environ.get("HILBERTVAE_DATA")
     folder = Path(chosen) if chosen else Path(__file__).parents[2] / "shared" / "data"
-    found = {name: folder / "2d" / entry.file for name, entry in CATALOGUE.items() if (folder / "2d" / entry.file).is_file()}
+    paths = {name: folder / f"{entry.dimension}d" / entry.file for name, entry in CATALOGUE.items()}
+    found = {name: path for name, path in paths.items() if path.exists()}
     if not found:
         pytest.skip("no real sites here; set HILBERTVAE_DATA to a folder that has them")
     return found

@@ -11,6 +11,7 @@ import pytest
 from hilbertvae.checks import InputError
 from hilbertvae.files import file_sha256
 from hilbertvae.scans import sites
+from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.sites import CATALOGUE, data_folder, find_site, read_site, site_path
 from toy_rooms import carmen_line, write_log
 
@@ -118,15 +119,36 @@ def test_where_logs_are_looked_for(monkeypatch, tmp_path):
 
 
 def test_the_catalogue_has_the_roles_of_the_protocol():
-    roles = {role: {name for name, entry in CATALOGUE.items() if entry.role == role} for role in ("train", "validate", "test")}
-    assert roles == {
+    roles = {dimension: {"train": set(), "validate": set(), "test": set()} for dimension in (2, 3)}
+    for name, entry in CATALOGUE.items():
+        roles[entry.dimension][entry.role].add(name)
+        assert entry.name == name and len(entry.sha256) == 64
+    assert roles[2] == {
         "train": {"fr079", "fr101", "aces", "belgioioso", "fhw", "mit-infinite-corridor"},
         "validate": {"csail"},
         "test": {"intel", "seattle", "orebro", "edmonton", "acapulco"},
     }
-    for name, entry in CATALOGUE.items():
-        assert entry.name == name and entry.max_range_m < entry.no_return_m and len(entry.sha256) == 64
-        assert entry.step_deg == {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5}[entry.beams]
+    assert (roles[3]["validate"], roles[3]["test"], len(roles[3]["train"])) == ({"kitti00_start"}, {"kitti_drive0005"}, 13)
+
+
+def test_planar_lasers_have_the_beams_of_the_catalogue():
+    for entry in CATALOGUE.values():
+        if entry.dimension == 2:
+            assert entry.max_range_m < entry.no_return_m
+            assert entry.step_deg == {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5}[entry.beams]
+
+
+def test_beams_of_3d_sites_start_where_the_catalogue_says():
+    for entry in CATALOGUE.values():
+        if entry.dimension == 3:
+            start = find_beam_origins(entry.beam_origin)(np.array([[10.0, 0.0, 0.0], [10.0, 0.0, -4.0]]))
+            expected = {"kitti": [0.20, 0.12], "nclt": [0.96, 0.96]}.get("kitti" if "kitti" in entry.name else entry.name[7:], [0.0, 0.0])
+            assert start[:, 2].tolist() == expected, entry.name
+
+
+def test_a_site_that_nobody_hands_out_is_not_downloaded(tmp_path):
+    with pytest.raises(InputError, match="kitti00_start.*it can't be downloaded"):
+        site_path("kitti00_start", tmp_path, download=True)
 
 
 def test_sites_that_are_here_have_the_hashes_of_the_catalogue(real_sites):
