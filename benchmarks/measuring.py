@@ -14,7 +14,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 from hilbertvae.files import write_json
-from hilbertvae.reports.provenance import cpu_name, git_state, package_versions
+from hilbertvae.reports.provenance import cpu_name, git_state, package_versions, without_folders
 
 RESULTS = Path(__file__).parent.parent / "docs" / "results" / "benchmarks"
 RIVALS = ("faiss-cpu", "octomap-python")
@@ -94,7 +94,7 @@ def report(name: str, given: argparse.Namespace, rows: list[dict], targets: list
         },
         "versions": {"python": platform.python_version(), **package_versions(), **_rivals()},
         "git": git_state(Path(__file__).parent),
-        "command": ["python", f"benchmarks/{script or name}.py", *_without_folders(sys.argv[1:])],
+        "command": ["python", f"benchmarks/{script or name}.py", *without_folders(sys.argv[1:])],
     }
     write_json(path, content)
     print(f"written: {path.name}")
@@ -113,8 +113,3 @@ def _rivals() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             continue
     return installed
-
-
-def _without_folders(words: list[str]) -> list[str]:
-    """Absolute paths as bare names: where something lies on one machine says nothing on another."""
-    return [Path(word).name if Path(word).is_absolute() else word for word in words]

@@ -60,11 +60,6 @@ def test_queries_are_equal_to_their_twins(tmp_path):
     assert [row["met"] for row in targets if row["wanted"] == "0"] == [True, True]
 
 
-def test_a_path_in_the_command_is_written_without_its_folder(monkeypatch):
-    measuring = import_module("measuring")
-    assert measuring._without_folders(["/somewhere/best.safetensors", "--site", "intel"]) == ["best.safetensors", "--site", "intel"]
-
-
 def test_stages_are_timed_and_put_back():
     measuring = import_module("measuring")
 

@@ -6,7 +6,7 @@ from reports_toys import result
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import hash_of
-from hilbertvae.reports.provenance import git_state, provenance
+from hilbertvae.reports.provenance import git_state, provenance, without_folders
 from hilbertvae.reports.result_json import read_result, write_result
 from hilbertvae.scoring.result import SCHEMA_VERSION
 
@@ -118,3 +118,9 @@ def test_a_missing_a_cut_and_a_foreign_file(tmp_path, text, message):
         path.write_text(text)
     with pytest.raises(InputError, match=message):
         read_result(path)
+
+
+def test_places_on_one_machine_are_left_out():
+    given = {"checkpoint": "/somewhere/best.safetensors", "test": ["intel", "/drives/monday"], "rate": 0.5, "output": "outputs/run"}
+    assert without_folders(given) == {"checkpoint": "best.safetensors", "test": ["intel", "monday"], "rate": 0.5, "output": "outputs/run"}
+    assert without_folders(["checkpoint=/somewhere/best.safetensors", "--site"]) == ["checkpoint=best.safetensors", "--site"]

@@ -35,7 +35,7 @@ def provenance(
     which is hashed; all of them unless given. data: sha256 by file name. seeds: by what they seed. seconds: wall time by stage.
     """
     return {
-        "config": config,
+        "config": without_folders(config),
         "config_hash": hash_of(config if identity is None else identity),
         "git": git_state(Path(__file__).parent),
         "packages": package_versions(),
@@ -51,8 +51,20 @@ def provenance(
         "seeds": seeds or {},
         "stage_seconds": seconds or {},
         "peak_memory_mb": peak_memory_mb(),
-        "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
+        "command": [Path(sys.argv[0]).name, *without_folders(sys.argv[1:])],
     }
+
+
+def without_folders(node):
+    """Absolute paths as bare names, also behind `key=`, anywhere in plain containers: where something lies says nothing elsewhere."""
+    if isinstance(node, dict):
+        return {key: without_folders(value) for key, value in node.items()}
+    if isinstance(node, (list, tuple)):
+        return [without_folders(value) for value in node]
+    if isinstance(node, str):
+        key, mark, value = node.rpartition("=")
+        return key + mark + Path(value).name if Path(value).is_absolute() else node
+    return node
 
 
 def git_state(folder: Path) -> dict | None:
