@@ -84,11 +84,11 @@ def compare(count: int, seeds: int) -> list[dict]:
 
 
 def scale(counts: list[int]) -> list[dict]:
-    """Quick-Means alone at constant density; the best of three where that is quick."""
+    """Quick-Means alone at constant density; the best of three."""
     rows = []
     for count in counts:
         points = uniform_cloud(count, 0)
-        seconds, found = seconds_of(lambda: cluster(points, 0), repeats=3 if count <= 10**6 else 1)  # noqa: B023
+        seconds, found = seconds_of(lambda: cluster(points, 0), repeats=3)  # noqa: B023
         row = {"method": "Quick-Means, scaling", "points": count, "clusters": len(found), "seconds": seconds}
         rows.append({**row, "us per point": seconds / count * 1e6})
         print(f"{count:.0e} points: {seconds:.2f} s", flush=True)
