@@ -15,6 +15,8 @@ LIVE_AT_ONCE = 1024
 LONGEST = 64
 """Times `LIVE_AT_ONCE`: a stretch is no longer than that, however few of its points should be live."""
 SEEDS_AT_ONCE = 4096
+MANY_POINTS = 10**6
+"""From so many points on, a ball of the walk costs reads from memory rather than from the processor's cache."""
 
 
 class Clusters:
@@ -77,8 +79,9 @@ def _draw_seeds(tree: cKDTree, inner_radius_m: float, rng: np.random.Generator) 
         length = int(LIVE_AT_ONCE * min(LONGEST, len(stretch) / max(len(live), 1)))
         if len(live):
             drawn.append(live[_first_come(tree.data[live], inner_radius_m)])
-            # Few and small balls: starting threads would take longer than finding them.
-            balls = tree.query_ball_point(tree.data[drawn[-1]], inner_radius_m, return_sorted=False)
+            # In a small tree, starting threads would take longer than finding these few balls.
+            workers = -1 if tree.n >= MANY_POINTS else 1
+            balls = tree.query_ball_point(tree.data[drawn[-1]], inner_radius_m, return_sorted=False, workers=workers)
             consumed[_flat(balls)] = True
             sizes += map(len, balls)
     return np.concatenate(drawn), np.array(sizes)
