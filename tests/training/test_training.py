@@ -8,6 +8,8 @@ import pytest
 import torch
 from training_toys import TRAINER, tiny_settings
 
+from toy_rooms import carmen_line, write_log
+
 pytest.importorskip("embreex")
 pytest.importorskip("shapely")
 
@@ -183,3 +185,13 @@ def test_the_training_hash_sees_what_changes_a_network_and_not_where_it_lies():
     assert training_hash(elsewhere) == training_hash(settings)
     for change in ({"seed": 1}, {"trainer": replace(TRAINER, epochs=3)}, {"grid": replace(settings.grid, cells=32)}, {"resolution_m": 0.2}):
         assert training_hash(replace(settings, **change)) != training_hash(settings)
+
+
+def test_the_hash_of_a_training_sees_what_a_path_holds(tmp_path):
+    log = write_log(tmp_path / "attic.log", [carmen_line(np.full(180, 2.0), [0, 0, 0])])
+    settings = tiny_settings(tmp_path / "run", tmp_path / "cache")
+    settings = replace(settings, data=replace(settings.data, train=[str(log)]))
+    first = training_hash(settings)
+    assert training_hash(settings) == first
+    write_log(log, [carmen_line(np.full(180, 3.0), [0, 0, 0])])
+    assert training_hash(settings) != first

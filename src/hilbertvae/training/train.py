@@ -17,6 +17,7 @@ from lightning.pytorch.plugins.io import TorchCheckpointIO
 from hilbertvae.checks import InputError
 from hilbertvae.files import atomic, hash_of, write_json
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.training.grids_datamodule import GridsDataModule
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
 from hilbertvae.training.reconstruction_module import ReconstructionModule
@@ -37,6 +38,9 @@ class AtomicCheckpoints(TorchCheckpointIO):
 def training_hash(settings: Settings) -> str:
     """The hash of what can change a trained network: not of paths, devices, or what is scored afterwards."""
     made_of = asdict(settings)
+    source = settings.source()
+    paths = [site for site in (*settings.data.train, settings.data.validate) if is_scan_path(site) and Path(site).exists()]
+    made_of["contents"] = [source.made_of(site) for site in paths]  # the same path may hold other scans when a run goes on
     for key in ("name", "output", "mapper", "pictures", "checkpoint", "scoring_processes"):
         made_of.pop(key)
     for key in ("gap_seeds", "centred", "occlusion"):  # the gaps' size stays: the best weights are chosen with it
