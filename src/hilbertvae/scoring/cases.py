@@ -19,7 +19,7 @@ OCCLUSION_STEP = {2: 10, 3: 3}
 OCCLUSION_BANDS_M = ((0.25, 0.5), (0.5, 1.0), (1.0, 2.5))
 OCCLUSION_RANGE_M = (0.5, 2.5)
 MOST_SCORED = 500_000
-"""Of a larger region so many queries are scored, drawn once: a share of them is known to 0.001. No region of the 2D sites is larger."""
+"""Of a larger region so many queries are scored, drawn once: a share of them is known to 0.001. No region of Intel or csail is larger."""
 
 
 @dataclass(frozen=True)
