@@ -46,9 +46,9 @@ def test_pairs_are_those_of_each_clustering(prepared):
 
 
 def test_the_validation_site_is_seen_as_it_will_be_mapped(prepared):
-    """Its clusterings are unturned, with gaps of the evaluation's size; some of its grids are taken, each once."""
+    """Its clusterings are unturned, with gaps of one size; some of its grids are taken, each once."""
     module = module_of(prepared)
-    unturned = replace(prepared.clustering, turn=False, gap_diameter_m=[prepared.evaluation.gap_diameter_m] * 2)
+    unturned = replace(prepared.clustering, turn=False, gap_diameter_m=[prepared.validation_gap_m] * 2)
     scans = read_carmen(prepared.data.validate)
     expected = [training_grids(scans, 0.1, prepared.grid, unturned, seed) for seed in (1_000_001, 1_000_002)]
     every = {(s.tobytes(), t.tobytes()) for shown, target in expected for s, t in zip(shown, target, strict=True)}

@@ -26,6 +26,7 @@ def tiny_settings(output, cache, data=None, **changes) -> Settings:
             network=NETWORK,
             trainer=TRAINER,
             evaluation=Protocol(gap_seeds=[0], gap_ratio=0.5, cluster_size_m=2.4),
+            validation_gap_m=1.2,
             calibration_seeds=[100],
             pictures=False,
         ),

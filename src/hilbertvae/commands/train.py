@@ -17,16 +17,19 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.commands.build import build_mappers
+from hilbertvae.commands.gpus import give_gpus
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
+from hilbertvae.reports.run_state import is_finished, write_failure
 from hilbertvae.scans.sites import site_hashes
-from hilbertvae.site import open_site
+from hilbertvae.site import open_site, site_name
 from hilbertvae.training.settings import Settings
 
 PACKAGE = Path(hilbertvae.__file__).parent
-# The wheel carries the folder inside the package; a checkout has it at the top.
-CONF = PACKAGE / "conf" if (PACKAGE / "conf").is_dir() else PACKAGE.parents[1] / "conf"
+# The wheel carries the folders inside the package; a checkout has them at the top.
+CONF, SWEEPS = (PACKAGE / name if (PACKAGE / name).is_dir() else PACKAGE.parents[1] / name for name in ("conf", "sweeps"))
+OmegaConf.register_new_resolver("sweeps_folder", lambda: str(SWEEPS), replace=True)
 
 store = ConfigStore.instance()
 # The network is missing there, so that a choice of another kind meets no default of this one.
@@ -53,12 +56,12 @@ def _refuse_unknown(node: object, path: str) -> None:
             _refuse_unknown(value, f"{path}{name}.")
 
 
-def run(settings: Settings) -> int:
-    """Train if a mapper needs it, score all, write everything; the exit code."""
+def run(settings: Settings, again: bool = True) -> int:
+    """Train if a mapper needs it, score all, write everything; the exit code. again: do so even if the results are there already."""
     from hilbertvae.reconstruction.reconstructor import Reconstructor
     from hilbertvae.reports.report import Report
     from hilbertvae.training.scoring import needs_training, score
-    from hilbertvae.training.train import train, training_hash
+    from hilbertvae.training.train import first_rank, train, training_hash
 
     mappers = build_mappers(settings.mapper)
     data = settings.data
@@ -71,7 +74,10 @@ def run(settings: Settings) -> int:
     config = asdict(settings)
     tested = [settings.source().made_of(site) for site in data.test]
     evaluated = {"mapper": settings.mapper, "evaluation": config["evaluation"], "test": tested, **given}
-    identity = {"training": training_hash(settings), **evaluated}
+    identity = {"version": hilbertvae.__version__, "training": training_hash(settings), **evaluated}
+    if not again and is_finished(settings.output, [site_name(site) for site in data.test], identity):
+        print(f"{settings.output}: finished before")
+        return 0
     seeds = {"training": settings.seed, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
 
     def others():
@@ -85,27 +91,38 @@ def run(settings: Settings) -> int:
         train(settings, mappers, write)
     else:
         score(settings, mappers, reconstructor, write)
-    return write.close()
+    return write.close() if first_rank() else 0
 
 
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
 def _application(config: DictConfig) -> None:
+    job = HydraConfig.get()
+    many = job.mode == RunMode.MULTIRUN
+    output = os.path.relpath(job.runtime.output_dir)  # in a multirun, and in the processes of a distributed training, it is the job's own
     try:
         settings = to_settings(config)
-        if HydraConfig.get().mode == RunMode.MULTIRUN:
-            settings.output = os.path.relpath(HydraConfig.get().runtime.output_dir)  # a folder for each job
-        code = run(settings)
-    except (InputError, KeyboardInterrupt) as error:
-        if HydraConfig.get().mode == RunMode.MULTIRUN:
+        settings.output = output
+        if many and "joblib" in job.launcher._target_:
+            give_gpus(job.job.num, settings.trainer.devices)
+        code = run(settings, again=not many)
+    except KeyboardInterrupt as error:
+        if many:
             raise
         print(f"hilbertvae-train: {error}", file=sys.stderr)
-        sys.exit(2 if isinstance(error, InputError) else 130)
+        sys.exit(130)
+    except Exception as error:
+        if many or not isinstance(error, InputError):  # a wrong setting of a single run is told at once, and leaves nothing
+            write_failure(output, OmegaConf.to_container(config, resolve=True, throw_on_missing=False), error)
+            raise
+        print(f"hilbertvae-train: {error}", file=sys.stderr)
+        sys.exit(2)
     if code:
         raise RuntimeError("a mapper failed; see the lines above and result.json")
 
 
 def main() -> None:
-    """Entry point."""
+    """Entry point. `+sweep=...` is taken as `sweep=...`: the group has its place in the defaults, so that `debug` comes after it."""
+    sys.argv[1:] = [word.removeprefix("+") if word.startswith("+sweep=") else word for word in sys.argv[1:]]
     _application()
 
 

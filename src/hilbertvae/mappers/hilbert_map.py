@@ -6,8 +6,11 @@ was observed in its voxel, weighed by logistic regression.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.special import expit
+from sklearn.utils.validation import check_is_fitted
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import RESOLUTION_M, Cloud
@@ -31,7 +34,8 @@ class HilbertMap(Mapper):
     reconstructor: a `Reconstructor`, or None for the raw grids (the paper's "naive approach").
     weights: `rank` (learned on the validation site, kept with the network), `unit`, or `cluster` (refitted on this site).
     calibration: the reading that `rank` weights were fitted on, `voxels` or `points`: a probability is calibrated for one of them.
-    neighbours: K, how many grids answer a query.
+    neighbours: K, how many grids answer a query. `rank` weights belong to one K and are learned anew for another (`calibration.py`).
+    inner_radius_m: how far clusters stand apart; as in training unless given.
     flips: symmetries over which a reconstruction is averaged, 1, 2, 4 or 8.
     evidence: whether what was observed in a query's voxel is added; the paper's own map knows only its grids.
     grid, resolution_m: as the network was trained, unless given.
@@ -43,6 +47,7 @@ class HilbertMap(Mapper):
         weights: str = "rank",
         calibration: str = "voxels",
         neighbours: int = 5,
+        inner_radius_m: float | None = None,
         flips: int = 4,
         evidence: bool = True,
         ridge: float = 30.0,
@@ -55,6 +60,7 @@ class HilbertMap(Mapper):
         self.weights = weights
         self.calibration = calibration
         self.neighbours = neighbours
+        self.inner_radius_m = inner_radius_m
         self.flips = flips
         self.evidence = evidence
         self.ridge = ridge
@@ -75,6 +81,9 @@ class HilbertMap(Mapper):
         if self.flips not in (1, 2, 4, 8):
             raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips!r}")
         self.grid_ = self.grid or (network.grid if network else GridSettings())
+        if self.inner_radius_m is not None:
+            self.grid_ = replace(self.grid_, inner_radius_m=self.inner_radius_m)
+            self.grid_.check()
         resolution_m = self.resolution_m or (network.resolution_m if network else RESOLUTION_M[dimension])
         cloud = Cloud(points, occupied, weight)
         self.evidence_ = Evidence(points, occupied, weight, resolution_m)
@@ -131,6 +140,11 @@ class HilbertMap(Mapper):
 
     def _probability(self, queries):
         return expit(self.rank_weights_.logit(*self.features(queries)))
+
+    def cluster_count(self) -> int:
+        """How many grids the fitted map has."""
+        check_is_fitted(self)
+        return len(self.frames_)
 
     def observed(self, queries) -> np.ndarray:
         """(Q,) bool: whether the voxel of each query was observed."""

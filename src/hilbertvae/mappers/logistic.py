@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.special import expit
+from sklearn.utils.validation import check_is_fitted
 
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.mappers.mapper import Mapper
@@ -117,6 +118,11 @@ class LogisticMapper(Mapper):
     def _probability(self, queries):
         # A row's sum runs over that row alone, in its own order: no other query changes a bit of it.
         return expit(self.features_(queries) @ self.weights_ + self.intercept_)
+
+    def cluster_count(self) -> int:
+        """How many features the fitted map has."""
+        check_is_fitted(self)
+        return len(self.weights_)
 
     def _check_settings(self) -> None:
         check_positive(self.rate, "rate")

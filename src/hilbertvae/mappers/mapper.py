@@ -7,6 +7,7 @@ and implements `_fit` and `_probability`. Everything else (checks, labels, chunk
 from __future__ import annotations
 
 import os
+import pickle
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
@@ -58,6 +59,24 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def pickled_bytes(content: object) -> int:
+    """The size of `content` as a pickle, without making a copy of its arrays."""
+    counted = 0
+
+    class Counter:
+        def write(self, part) -> int:
+            nonlocal counted
+            counted += len(part)
+            return len(part)
+
+    def count(buffer: pickle.PickleBuffer) -> None:
+        nonlocal counted
+        counted += buffer.raw().nbytes
+
+    pickle.Pickler(Counter(), protocol=5, buffer_callback=count).dump(content)
+    return counted
+
+
 class Mapper(ClassifierMixin, BaseEstimator):
     """Base of the mappers. `fit(points (N, D), y (N,), sample_weight=None)`, `predict_proba(queries (Q, D)) -> (Q, 2)`."""
 
@@ -95,6 +114,15 @@ class Mapper(ClassifierMixin, BaseEstimator):
         """(Q,) the likelier class of each query; unknown (0.5) counts as free."""
         occupied = self.predict_proba(queries)[:, 1] > 0.5
         return self.classes_[occupied.astype(int)]
+
+    def stored_bytes(self) -> int:
+        """How many bytes the fitted map takes: all that it would have to keep to give the same answers, but for a network."""
+        check_is_fitted(self)
+        return pickled_bytes({name: value for name, value in vars(self).items() if name.endswith("_")})
+
+    def cluster_count(self) -> int | None:
+        """Of how many clusters, or centres of features, the fitted map is made; None for one that has no such thing."""
+        return None
 
     def _checked_cloud(self, points, y, sample_weight):
         try:

@@ -92,6 +92,11 @@ class OctoMapMapper(Mapper):
         check_is_fitted(self)
         return self._find(self._checked(queries)) != NONE
 
+    def stored_bytes(self) -> int:
+        """As an `.ot` file."""
+        check_is_fitted(self)
+        return len(_ot_bytes(self))
+
     def tree(self) -> octomap.OcTree:
         """The map as an OctoMap tree of its own, with these settings. Its origin is voxel `shift_` of the map's lattice."""
         check_is_fitted(self)

@@ -21,6 +21,8 @@ class LikelihoodSettings:
     kind: str = "bernoulli"
     observed_weight: float = 0.2
     """Weight of cells that the input shows, beside 1 for those cut from it. The map keeps observed evidence by itself."""
+    masked: bool = True
+    """`bernoulli` over known cells alone. Without the mask a cell that nobody saw is to be answered with 0.5, as a gap's then is, too."""
 
     def __post_init__(self):
         if self.kind not in LIKELIHOODS:
@@ -28,15 +30,17 @@ class LikelihoodSettings:
 
 
 class Bernoulli:
-    """Cells known in the target, as coin flips with the output as logit; unknown cells say nothing."""
+    """Cells known in the target, as coin flips with the output as logit; unknown cells say nothing, if they are masked."""
 
     def __init__(self, settings: LikelihoodSettings):
-        self.observed_weight = settings.observed_weight
+        self.observed_weight, self.masked = settings.observed_weight, settings.masked
 
     def __call__(self, output: Tensor, target: Tensor, shown: Tensor) -> Tensor:
         """(B,) negative log-likelihood: output (B, n, ..., n); target, shown int8 codes of the same shape."""
-        loss = F.binary_cross_entropy_with_logits(output.float(), (target > 0).float(), reduction="none")
-        weight = (target != 0) * torch.where(shown != 0, self.observed_weight, 1.0)
+        loss = F.binary_cross_entropy_with_logits(output.float(), (target.float() + 1) / 2, reduction="none")
+        weight = torch.where(shown != 0, self.observed_weight, 1.0)
+        if self.masked:
+            weight = weight * (target != 0)
         return (loss * weight).flatten(1).sum(dim=1)
 
     @staticmethod

@@ -29,6 +29,7 @@ class Reconstructor:
     """A network, the likelihood it was trained with, and the grids it was trained on.
 
     `weights` holds the Hilbert Map's learned weights by reading (`points`, `voxels`), `card` what it was trained on; both are plain.
+    `seconds` says how long its training took, stage by stage; it is no part of the file, which is the same to the bit when trained again.
     """
 
     network: nn.Module
@@ -39,6 +40,7 @@ class Reconstructor:
     resolution_m: float
     weights: dict = field(default_factory=dict)
     card: dict = field(default_factory=dict)
+    seconds: dict = field(default_factory=dict)
 
     def reconstruct(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> np.ndarray:
         """float32 kernel values (M, n, ..., n) of int8 `grids (M, n, ..., n)`: the mean over `flips` symmetries (1, 2, 4 or 8)."""

@@ -21,11 +21,13 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.canvas import save_picture
 from hilbertvae.reports.cluster_pictures import gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
 from hilbertvae.reports.comparison import occlusion_table, pairwise_table
+from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.lit_colours import surface_colours
 from hilbertvae.reports.mesh_tab import add_surface
 from hilbertvae.reports.paper_table import paper_table
 from hilbertvae.reports.provenance import git_state, provenance
 from hilbertvae.reports.result_json import write_result
+from hilbertvae.reports.run_state import site_folder
 from hilbertvae.reports.score_pictures import precision_recall_picture, reliability_picture
 from hilbertvae.reports.score_table import markdown_scores, print_scores
 from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
@@ -66,8 +68,10 @@ class Report:
         self.written: list[Path] = []
 
     def __call__(self, result: Result, site: Site, mappers: dict[str, Mapper]) -> None:
-        folder = self.folder / site.name.replace(":", "-") if self.written else self.folder
-        seconds = {"until_scored": time.perf_counter() - self.started}
+        folder = site_folder(self.folder, site.name, first=not self.written)
+        networks = [m.reconstructor for m in mappers.values() if isinstance(getattr(m, "reconstructor", None), Reconstructor)]
+        trained = next((network.seconds for network in networks), {})  # also those of a network trained by an earlier run
+        seconds = {**trained, "until_scored": time.perf_counter() - self.started}
         about = provenance(self.config, identity=self.identity, data=self.data, seeds=self.seeds, seconds=seconds)
         about["git"] = self.git
         self.written.append(write_result(folder / "result.json", result, about))
@@ -80,6 +84,8 @@ class Report:
         for tag, figure in figures.items():
             save_picture(figure, folder / "pictures" / f"{tag}.png")
         with SummaryWriter(str(self.folder / "tensorboard")) as writer:
+            if not self.written[1:]:
+                write_hparams(writer, self.config, result)
             write_tensorboard(writer, result, {f"{site.name}/{tag}": figure for tag, figure in figures.items()}, self.config)
             if surface and len(surface):
                 write_ply(folder / "surface.ply", surface, surface_colours(surface, site.ground))

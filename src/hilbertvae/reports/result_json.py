@@ -22,7 +22,7 @@ STATUSES = ("ok", "failed")
 def write_result(path: str | os.PathLike, result: Result, about: dict | None = None) -> Path:
     """Write `result` to `path` atomically; `about` is what `provenance` gives. Raises `ValueError` for a number that is not finite."""
     about = about or {}
-    taken = sorted(set(about) & {*KEYS, "schema_version"})
+    taken = sorted(set(about) & {*KEYS, "maps", "schema_version"})
     if taken:
         raise ValueError(f"about: {', '.join(taken)} belong to the result itself")
     write_json(path, result.plain(**about))
@@ -52,6 +52,7 @@ def read_result(path: str | os.PathLike) -> tuple[Result, dict]:
         raise InputError(f"{path}: status: expected ok or failed, got {content['status']!r}")
     _check_scores(path, content["scores"], len(content["gap_seeds"]))
     values = {key: content.pop(key) for key in KEYS}
+    values["maps"] = content.pop("maps", {})  # results of 2026-11-20 and before have none
     del values["status"]  # follows from `failed`
     return Result(**values), content
 

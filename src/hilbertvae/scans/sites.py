@@ -129,7 +129,9 @@ def site_path(name: str, folder: str | os.PathLike | None = None, download: bool
         _download(entry, path, source)
     found = path_sha256(path)
     if found != entry.sha256:
-        raise InputError(f"site {name!r}: {path} has sha256 {found}, expected {entry.sha256}{'; remove the file and fetch it again' if source else ''}")
+        raise InputError(
+            f"site {name!r}: {path} has sha256 {found}, expected {entry.sha256}{'; remove the file and fetch it again' if source else ''}"
+        )
     return path
 
 

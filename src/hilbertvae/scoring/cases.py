@@ -64,9 +64,7 @@ def _questions(site: Site, cloud: Cloud, regions: dict[str, np.ndarray]) -> Ques
             above = site.ground.height_above(cloud.points[regions[name]]) > ABOVE_GROUND_M
             regions |= {f"{name}-above-ground": regions[name][above], f"{name}-near-ground": regions[name][~above]}
     every = np.unique(np.concatenate(list(regions.values())))
-    return Questions(
-        cloud.points[every], cloud.occupied[every], {name: np.searchsorted(every, chosen) for name, chosen in regions.items()}
-    )
+    return Questions(cloud.points[every], cloud.occupied[every], {name: np.searchsorted(every, chosen) for name, chosen in regions.items()})
 
 
 def occluded_parts(scans: Scans, seed: int) -> dict[str, np.ndarray]:

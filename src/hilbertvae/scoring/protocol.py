@@ -61,6 +61,7 @@ def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper
     rows: dict = defaultdict(lambda: defaultdict(lambda: defaultdict(list)))
     seconds: dict = defaultdict(list)
     curves: dict = defaultdict(list)
+    maps: dict = defaultdict(list)
     every_gap = []
     for seed in protocol.gap_seeds:
         gaps = cut_site(site, protocol, seed)
@@ -73,6 +74,8 @@ def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper
                 cases.append(site.remember(key, lambda region=region, kept=kept: occlusion_case(site, region, kept)))
         for case in cases:
             _fit(mapper, case.shown, seconds)
+            if case is cases[0]:
+                _weigh(mapper, maps)
             for reading, asked in case.asked.items():
                 probability = _ask(mapper, asked.points, seconds)
                 for region, chosen in asked.regions.items():
@@ -91,6 +94,7 @@ def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper
         ceiling=site.remember("ceiling", lambda: ceiling(site)),
         scores={name: {reading: {region: dict(found) for region, found in regions.items()} for reading, regions in rows.items()}},
         seconds={name: dict(seconds)},
+        maps={name: dict(maps)},
         gaps=every_gap,
         curves={name: dict(curves)},
         protocol=asdict(protocol),
@@ -109,6 +113,12 @@ def _fit(mapper: Mapper, cloud: Cloud, seconds: dict) -> None:
     start = time.perf_counter()
     mapper.fit(cloud.points, cloud.occupied, cloud.weight)
     seconds["fit"].append(time.perf_counter() - start)
+
+
+def _weigh(mapper: Mapper, maps: dict) -> None:
+    maps["bytes"].append(mapper.stored_bytes())
+    if (count := mapper.cluster_count()) is not None:
+        maps["clusters"].append(count)
 
 
 def _ask(mapper: Mapper, queries: np.ndarray, seconds: dict) -> np.ndarray:

@@ -12,8 +12,9 @@ Scores = dict[str, dict[str, dict[str, dict[str, list[float]]]]]
 class Result:
     """Scores of mappers on one site. scores[mapper][reading][region][metric] is a list with one float per gap seed.
 
-    ceiling[reading] holds the `precision` and `recall` of the best vote at the map's own cell size. seconds[mapper][stage] and
-    gaps (the balls of each seed) are there for whoever wants to repeat or time it.
+    ceiling[reading] holds the `precision` and `recall` of the best vote at the map's own cell size. seconds[mapper][stage],
+    maps[mapper] (`bytes` and `clusters` of the gapped site's map, one per gap seed) and gaps (the balls of each seed) are there for
+    whoever wants to repeat, weigh or time it.
     """
 
     site: str
@@ -23,6 +24,7 @@ class Result:
     ceiling: dict[str, dict[str, float]]
     scores: Scores = field(default_factory=dict)
     seconds: dict[str, dict[str, list[float]]] = field(default_factory=dict)
+    maps: dict[str, dict[str, list[int]]] = field(default_factory=dict)
     gaps: list[dict] = field(default_factory=list)
     curves: dict = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
@@ -33,7 +35,7 @@ class Result:
         for name in ("site", "gap_seeds", "protocol"):
             if getattr(self, name) != getattr(other, name):
                 raise ValueError(f"results differ in {name}: {getattr(self, name)!r} and {getattr(other, name)!r}")
-        for name in ("scores", "seconds", "curves", "failed"):
+        for name in ("scores", "seconds", "maps", "curves", "failed"):
             getattr(self, name).update(getattr(other, name))
         return self
 
@@ -49,6 +51,7 @@ class Result:
             "ceiling": self.ceiling,
             "scores": self.scores,
             "seconds": self.seconds,
+            "maps": self.maps,
             "failed": self.failed,
             "protocol": self.protocol,
             "gaps": self.gaps,

@@ -21,6 +21,8 @@ from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.training.settings import Settings
 
 VALIDATION_SEEDS = (1_000_001, 1_000_002)
+GRID_SOURCES = ("voxel_votes.py", "cloud.py", "gaps.py", "site.py", "bucket_index.py", "scans", "simulate", "clusters", "grids")
+"""What grids come from."""
 
 
 class GridPairs(Dataset):
@@ -111,7 +113,7 @@ def grids_hash(name: str, seed: int, settings: Settings) -> str:
     """What names a cache file: all that its grids depend on."""
     made_of = {
         "version": hilbertvae.__version__,
-        "code": code_hash(),
+        "code": code_hash(GRID_SOURCES),
         **settings.source().made_of(name),
         "seed": seed,
         "resolution_m": settings.resolution_m,
@@ -122,18 +124,17 @@ def grids_hash(name: str, seed: int, settings: Settings) -> str:
 
 
 @cache
-def code_hash() -> str:
-    """The hash of the sources that grids come from, so that a cache never outlives the code that filled it."""
+def code_hash(parts: tuple[str, ...]) -> str:
+    """The hash of these sources of the package, so that a cache never outlives the code that filled it."""
     folder = Path(hilbertvae.__file__).parent
-    parts = ["voxel_votes.py", "cloud.py", "gaps.py", "site.py", "bucket_index.py", "scans", "simulate", "clusters", "grids"]
     files = sorted(file for part in parts for file in ([folder / part] if part.endswith(".py") else (folder / part).glob("*.py")))
     return hash_of([file.read_text(encoding="utf-8") for file in files])
 
 
 def _clustering(seed: int, settings: Settings) -> ClusteringSettings:
-    """The validation site is seen as it will be mapped: unturned, with the evaluation's gaps, whatever training shows."""
+    """The validation site is seen as it will be mapped: unturned, with gaps of one size, whatever training shows."""
     if seed in VALIDATION_SEEDS:
-        return ClusteringSettings(1, [settings.evaluation.gap_diameter_m] * 2, turn=False)
+        return ClusteringSettings(1, [settings.validation_gap_m] * 2, turn=False)
     return ClusteringSettings(1, settings.clustering.gap_diameter_m, settings.clustering.turn)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import asdict
 from pathlib import Path
 
 import lightning as L
@@ -11,7 +13,9 @@ from hilbertvae.mappers.calibration import learn_rank_weights
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.site import open_site
+from hilbertvae.training.kept_network import KeptNetwork
 from hilbertvae.training.scoring import Writer, score
 from hilbertvae.training.settings import Settings
 
@@ -19,20 +23,40 @@ from hilbertvae.training.settings import Settings
 class HilbertMapCallback(L.Callback):
     """Lightning allows no `self.log` here, and the weights in memory are the last: so the best are loaded, and writers get a `Result`."""
 
-    def __init__(self, settings: Settings, mappers: dict[str, Mapper], write: Writer | None):
-        self.settings, self.mappers, self.write = settings, mappers, write
+    def __init__(self, settings: Settings, mappers: dict[str, Mapper], write: Writer | None, kept: KeptNetwork | None = None):
+        self.settings, self.mappers, self.write, self.kept = settings, mappers, write, kept
         self.checkpoint = Path(settings.output) / "model.safetensors"
+        self.seconds = {}
+        self.since = time.perf_counter()
+
+    def on_fit_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
+        self._lap("grids")
+        if trainer.is_global_zero and trainer.logger:
+            write_hparams(trainer.logger.experiment, asdict(self.settings))
 
     def on_fit_end(self, trainer: L.Trainer, module: L.LightningModule) -> None:
-        if trainer.interrupted or not trainer.is_global_zero:
+        if trainer.interrupted:
+            return
+        self._lap("train")
+        if torch.distributed.is_initialized():  # the others would wait for what follows, and time out
+            torch.distributed.destroy_process_group()
+        if not trainer.is_global_zero:
             return
         settings = self.settings
         reconstructor = self._best(trainer, module)
         site = open_site(settings.data.validate, settings.resolution_m, settings.source())
-        diameter_m = settings.evaluation.gap_diameter_m
-        reconstructor.weights = learn_rank_weights(HilbertMap(reconstructor), site, diameter_m, settings.calibration_seeds)
+        learned = learn_rank_weights(HilbertMap(reconstructor), site, settings.validation_gap_m, settings.calibration_seeds)
+        self._lap("weights")
+        reconstructor.weights, reconstructor.seconds = learned, self.seconds
         reconstructor.save(self.checkpoint)
+        if self.kept:
+            self.kept.keep(reconstructor)
         score(settings, self.mappers, reconstructor, self.write)
+
+    def _lap(self, stage: str) -> None:
+        """Wall time of a stage; of a run that was resumed, since then."""
+        now = time.perf_counter()
+        self.seconds[stage], self.since = round(now - self.since, 1), now
 
     def _best(self, trainer: L.Trainer, module: L.LightningModule) -> Reconstructor:
         settings = self.settings

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from joblib import Parallel, delayed
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import hash_of
+from hilbertvae.mappers.calibration import learn_rank_weights
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -34,6 +36,7 @@ def score(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconst
     if not mappers:
         return
     given = give_networks(settings, mappers, reconstructor)
+    _learn_weights_anew(settings, given)
     for reference in settings.data.test:
         site = open_site(reference, settings.resolution_m, settings.source())
         if settings.scoring_processes > 1:
@@ -42,6 +45,26 @@ def score(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconst
             result = evaluate_all(given, site, settings.evaluation, progress=print)
         if write:
             write(result, site, given)
+
+
+def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
+    """Other `rank` weights for maps whose grids lie otherwise, or answer in another number, than the network's weights were learned for."""
+    learned: dict = {}
+    for mapper in mappers.values():
+        network = getattr(mapper, "reconstructor", None)
+        if not network or not network.weights or mapper.weights == "unit":
+            continue
+        known = {len(weights["unseen"]) - 1 for weights in network.weights.values()}
+        if mapper.inner_radius_m is None and known == {mapper.neighbours}:
+            continue
+        key = (id(network), mapper.neighbours, mapper.inner_radius_m)
+        if key not in learned:
+            blank = replace(network, weights={})
+            anew = HilbertMap(blank, neighbours=mapper.neighbours, inner_radius_m=mapper.inner_radius_m)
+            site = open_site(settings.data.validate, settings.resolution_m, settings.source())
+            weights = learn_rank_weights(anew, site, settings.validation_gap_m, settings.calibration_seeds)
+            learned[key] = replace(network, weights=weights)
+        mapper.set_params(reconstructor=learned[key])
 
 
 def _side_by_side(settings: Settings, mappers: dict[str, Mapper], reference: str) -> Result:

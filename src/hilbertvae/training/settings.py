@@ -72,6 +72,9 @@ class TrainerSettings:
     """Threads of torch; 0 leaves its own choice. Bits depend on it."""
     accelerator: str = "auto"
     devices: int = 1
+    """Processes that train together; each draws batches of its own, so that numbers depend on it."""
+    strategy: str = "auto"
+    """Lightning's word for how they do: `ddp`."""
 
 
 @dataclass
@@ -79,6 +82,10 @@ class Settings:
     """One run of `hilbertvae-train`."""
 
     name: str = "run"
+    case: str = ""
+    """Which row of a sweep's table this run is."""
+    size: str = ""
+    """Of the sweep that this run belongs to: `quick` or `full`."""
     output: str = "outputs/${name}"
     seed: int = 0
     dimension: int = 2
@@ -92,6 +99,8 @@ class Settings:
     likelihood: LikelihoodSettings = field(default_factory=LikelihoodSettings)
     trainer: TrainerSettings = field(default_factory=TrainerSettings)
     evaluation: Protocol = field(default_factory=Protocol)
+    validation_gap_m: float = 2.5
+    """Diameter of the gaps on the validation site that the best weights are chosen with, and the Hilbert Map's are learned from."""
     calibration_seeds: list[int] = field(default_factory=lambda: [100, 101, 102, 103, 104])
     """Gap seeds on the validation site that the Hilbert Map's `rank` weights are learned from; not those that it is scored on."""
     mapper: dict[str, Any] = field(default_factory=dict)
@@ -101,6 +110,8 @@ class Settings:
     pictures: bool = True
     checkpoint: str | None = None
     """Score this `model.safetensors` instead of training."""
+    trained: str | None = None
+    """Folder where trained networks are kept under the hash of what made them, so that runs that differ in scoring alone train once."""
 
     def __post_init__(self):
         if self.resolution_m is None:
@@ -143,6 +154,7 @@ class Settings:
         for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids"):
             check_positive(getattr(self.trainer, key), f"trainer.{key}")
         check_positive(self.scoring_processes, "scoring_processes")
+        check_positive(self.validation_gap_m, "validation_gap_m")
         if self.trainer.kl_warmup_share < 0.2:
             raise InputError(f"trainer.kl_warmup_share: expected at least 0.2, got {self.trainer.kl_warmup_share}")
 

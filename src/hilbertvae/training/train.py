@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import warnings
 from dataclasses import asdict
 from pathlib import Path
@@ -14,14 +15,16 @@ from lightning.pytorch.callbacks import EarlyStopping, LearningRateMonitor, Mode
 from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 
+import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.files import atomic, hash_of, write_json
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.scans.formats import is_scan_path
-from hilbertvae.training.grids_datamodule import GridsDataModule
+from hilbertvae.training.grids_datamodule import GRID_SOURCES, GridsDataModule, code_hash
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
+from hilbertvae.training.kept_network import KeptNetwork
 from hilbertvae.training.reconstruction_module import ReconstructionModule
-from hilbertvae.training.scoring import Writer
+from hilbertvae.training.scoring import Writer, score
 from hilbertvae.training.settings import Settings
 
 BEST = {"monitor": "val/gap_nll", "mode": "min"}
@@ -41,25 +44,50 @@ def training_hash(settings: Settings) -> str:
     source = settings.source()
     paths = [site for site in (*settings.data.train, settings.data.validate) if is_scan_path(site) and Path(site).exists()]
     made_of["contents"] = [source.made_of(site) for site in paths]  # the same path may hold other scans when a run goes on
-    for key in ("name", "output", "mapper", "pictures", "checkpoint", "scoring_processes"):
+    for key in ("name", "case", "size", "output", "mapper", "evaluation", "pictures", "checkpoint", "trained", "scoring_processes"):
         made_of.pop(key)
-    for key in ("gap_seeds", "centred", "occlusion"):  # the gaps' size stays: the best weights are chosen with it
-        made_of["evaluation"].pop(key)
     for key in ("folder", "download", "cache", "test"):
         made_of["data"].pop(key)
-    for key in ("accelerator", "devices"):
+    for key in ("accelerator", "strategy"):
         made_of["trainer"].pop(key)
     return hash_of(made_of)
+
+
+def kept_name(settings: Settings) -> str:
+    """What names a kept network: its settings, and the code that trains it and learns its Hilbert Map's weights."""
+    code = code_hash((*GRID_SOURCES, "mappers", "reconstruction", "training"))
+    return hash_of([training_hash(settings), hilbertvae.__version__, code])
 
 
 def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: Writer | None = None) -> Path:
     """Train a network, learn its Hilbert Map's weights on the validation site, and return the path of `model.safetensors`.
 
     mappers: by name, what is scored on the test sites afterwards; `write(result, site, fitted)` is handed each `Result`. A run that
-    was interrupted goes on from its last epoch, if its settings are the same. Raises `InputError` for bad settings, and
-    `FloatingPointError` for a loss that is not finite.
+    was interrupted goes on from its last epoch, if its settings are the same; one whose network is kept in `settings.trained` takes
+    that. Raises `InputError` for bad settings, and `FloatingPointError` for a loss that is not finite.
     """
     settings.check()
+    output = Path(settings.output)
+    kept = KeptNetwork(settings.trained, kept_name(settings)) if settings.trained and first_rank() else None
+    reconstructor = kept.take() if kept else None
+    if reconstructor:
+        print(f"{output}: its network was trained before and is kept as {kept.path}")
+        checkpoint = reconstructor.save(output / "model.safetensors")
+        score(settings, mappers or {}, reconstructor, write)
+        return checkpoint
+    try:
+        return _fit(settings, HilbertMapCallback(settings, mappers or {}, write, kept))
+    finally:
+        if kept:
+            kept.release()
+
+
+def first_rank() -> bool:
+    """Whether this process is the one that writes; the others of a distributed training only compute."""
+    return int(os.environ.get("LOCAL_RANK", 0)) == 0
+
+
+def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
     output = Path(settings.output)
     if settings.trainer.threads:
         torch.set_num_threads(settings.trainer.threads)
@@ -69,7 +97,6 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     best = ModelCheckpoint(output / "checkpoints", "best", enable_version_counter=False, **BEST)
     # One of its own: `save_last` writes only where an epoch was the best so far, and a resumed run would go back to that.
     last = ModelCheckpoint(output / "checkpoints", "last", enable_version_counter=False)
-    after_fit = HilbertMapCallback(settings, mappers or {}, write)
     callbacks = [best, last, after_fit, LearningRateMonitor("step"), TQDMProgressBar(refresh_rate=10)]
     if settings.trainer.patience_epochs:
         callbacks.append(EarlyStopping(patience=settings.trainer.patience_epochs, check_finite=True, **BEST))
@@ -80,6 +107,7 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
         trainer = L.Trainer(
             accelerator=settings.trainer.accelerator,
             devices=settings.trainer.devices,
+            strategy=settings.trainer.strategy,
             precision=settings.trainer.precision,
             max_epochs=settings.trainer.epochs,
             gradient_clip_val=settings.trainer.gradient_clip,

@@ -1,0 +1,82 @@
+"""A Hydra callback that says how a multirun goes: which jobs there are, a line for each as it ends, and at the end those that failed."""
+
+from __future__ import annotations
+
+import atexit
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.utils import JobReturn, JobStatus
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig, OmegaConf
+
+from hilbertvae.checks import InputError
+from hilbertvae.files import write_json
+from hilbertvae.reports.result_json import read_result
+
+SWEEP = "sweep.json"
+
+
+class SweepProgress(Callback):
+    """Writes `sweep.json` beside the folders of the jobs: the sweep, its size, and all jobs by name, so that a table can name missing ones."""
+
+    def __init__(self):
+        self.since = time.perf_counter()
+
+    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
+        folder, jobs = Path(config.hydra.sweep.dir), job_folders(config)
+        sweep = OmegaConf.select(config, "hydra.runtime.choices.sweep") or config.name
+        write_json(folder / SWEEP, {"sweep": sweep, "size": config.size, "jobs": jobs})
+        print(f"{len(jobs)} jobs in {folder}", flush=True)
+        # Not on_multirun_end, which Hydra leaves out when a job failed.
+        atexit.register(say_how_it_ended, folder, jobs)
+
+    def on_job_start(self, config: DictConfig, **_: Any) -> None:
+        self.since = time.perf_counter()
+
+    def on_job_end(self, config: DictConfig, job_return: JobReturn, **_: Any) -> None:
+        if OmegaConf.is_missing(config.hydra.job, "num"):
+            return  # a single run
+        how = "finished" if job_return.status == JobStatus.COMPLETED else "FAILED"
+        print(f"\n{how} {Path(config.hydra.runtime.output_dir).name} in {time.perf_counter() - self.since:.0f} s", flush=True)
+
+
+def say_how_it_ended(folder: Path, jobs: list[str]) -> None:
+    """A line for each job that failed or has no result, and where the others' lie."""
+    broken = {name: why for name in jobs if (why := what_failed(folder / name))}
+    print(f"\n{len(jobs) - len(broken)} of {len(jobs)} jobs have results in {folder}")
+    for name, why in broken.items():
+        print(f"FAILED {name}: {why}")
+    sys.stdout.flush()
+
+
+def job_folders(config: DictConfig) -> list[str]:
+    """The names of the folders of a multirun's jobs, in their order, as Hydra's own sweeper makes them."""
+    loader = GlobalHydra.instance().config_loader()
+    given = list(config.hydra.overrides.task)
+    keys = {word.split("=", 1)[0] for word in given}
+    words = [f"{key}={value}" for key, value in (config.hydra.sweeper.params or {}).items() if key not in keys] + given
+    overrides = OverridesParser.create(config_loader=loader).parse_overrides(words)
+    folders = []
+    for batch in BasicSweeper.split_arguments(overrides, max_batch_size=None):
+        for number, words in enumerate(batch):
+            job = loader.load_sweep_config(config, list(words))
+            OmegaConf.set_readonly(job, False)
+            job.hydra.job.num = number
+            job.hydra.job.id = str(number)
+            folders.append(job.hydra.sweep.subdir)
+    return folders
+
+
+def what_failed(folder: Path) -> str | None:
+    """What the result in a job's folder says of a failure; None for one that is well."""
+    try:
+        result, _ = read_result(folder / "result.json")
+    except InputError as error:
+        return str(error)
+    return "; ".join(f"{name}: {why}" for name, why in result.failed.items()) or None

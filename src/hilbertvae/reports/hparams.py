@@ -1,0 +1,64 @@
+"""TensorBoard's hparams tab: one row per run, its settings beside its headline scores."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+
+import numpy as np
+from torch.utils.tensorboard import SummaryWriter
+from torch.utils.tensorboard.summary import hparams
+
+from hilbertvae.scoring.result import Result
+
+HEADLINES = {
+    "headline/gaps_points_f1": ("points", "gaps", "f1"),
+    "headline/gaps_points_auc": ("points", "gaps", "auc"),
+    "headline/gaps_voxels_best_f1": ("voxels", "gaps", "best_f1"),
+    "headline/gaps_voxels_auc": ("voxels", "gaps", "auc"),
+    "headline/observed_points_f1": ("points", "observed", "f1"),
+}
+"""Tag by reading, region and metric, of the run's own map calibrated for that reading."""
+SECTIONS = ("network", "grid", "likelihood", "augmentation", "clustering", "trainer", "evaluation")
+
+
+def headlines(result: Result) -> dict[str, float]:
+    """The headline scores of the run's own map, means over gap seeds; of a run without a network, of its first mapper."""
+    found = {}
+    for tag, (reading, region, metric) in HEADLINES.items():
+        own = [name for name in result.scores if name.endswith("cvae-hm") or name.endswith("cae-hm")]
+        calibrated = [name for name in result.scores if name.endswith("-hm-points")] if reading == "points" else []
+        for name in chain(calibrated, own, result.scores):
+            values = result.scores[name].get(reading, {}).get(region, {}).get(metric)
+            if values:
+                found[tag] = float(np.mean(values))
+                break
+    return found
+
+
+def write_hparams(writer: SummaryWriter, config: dict, result: Result | None = None) -> None:
+    """The run's row. At the start of a run, without a result, all headlines are named, since a column that comes later stays empty."""
+    found = headlines(result) if result else {}
+    experiment, start, end = hparams(dict(_flat(config)), dict.fromkeys(HEADLINES, 0.0))
+    for summary in (experiment, start, *([end] if result else [])):
+        writer.file_writer.add_summary(summary)
+    for tag, value in found.items():
+        writer.add_scalar(tag, value, 0)
+    writer.flush()
+
+
+def _flat(config: dict) -> Iterator[tuple[str, str | float | bool]]:
+    """Settings that may tell runs apart, by dotted name."""
+    for key in ("case", "seed", "dimension"):
+        if key in config:
+            yield key, config[key]
+    for section in SECTIONS:
+        yield from _flat_section(section, config.get(section) or {})
+
+
+def _flat_section(name: str, section: dict) -> Iterator[tuple[str, str | float | bool]]:
+    for key, value in section.items():
+        if isinstance(value, dict):
+            yield from _flat_section(f"{name}.{key}", value)
+        else:
+            yield f"{name}.{key}", value if isinstance(value, (str, bool, int, float)) else str(value)

@@ -1,0 +1,47 @@
+"""What the result files of a run say of it: finished before, or broken (METHOD 7: `status`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hilbertvae.checks import InputError
+from hilbertvae.files import hash_of
+from hilbertvae.reports.provenance import provenance
+from hilbertvae.reports.result_json import read_result, write_result
+from hilbertvae.scoring.result import Result
+
+RUN = "run"
+"""In the place of a mapper's name, in `failed`: the run broke, and not one mapper."""
+
+
+def site_folder(folder: Path, site: str, first: bool) -> Path:
+    """Where a site's result lies: the first one's in the run's folder itself, any other's in a folder of the site's name."""
+    return folder if first else folder / site.replace(":", "-")
+
+
+def is_finished(folder: str | Path, sites: list[str], identity: dict) -> bool:
+    """Whether each of `sites`, by name, has a result of the same settings, data and version in which no mapper failed."""
+    for number, site in enumerate(sites):
+        path = site_folder(Path(folder), site, first=not number) / "result.json"
+        try:
+            result, about = read_result(path)
+        except InputError:  # missing, damaged, or of another version: to be made again
+            return False
+        if result.failed or result.site != site or about.get("config_hash") != hash_of(identity):
+            return False
+    return bool(sites)
+
+
+def write_failure(folder: str | Path, config: dict, error: BaseException) -> Path:
+    """`result.json` with status `failed`, for a run that broke. config: plain containers, as far as they are known."""
+    evaluation, sites = config.get("evaluation") or {}, (config.get("data") or {}).get("test") or [""]
+    broken = Result(
+        site=str(sites[0]),
+        dimension=int(config.get("dimension") or 0),
+        gap_diameter_m=float(evaluation.get("gap_ratio") or 0) * float(evaluation.get("cluster_size_m") or 0),
+        gap_seeds=list(evaluation.get("gap_seeds") or []),
+        ceiling={},
+        failed={RUN: f"{type(error).__name__}: {error}"},
+        protocol=dict(evaluation),
+    )
+    return write_result(Path(folder) / "result.json", broken, provenance(config, identity={"failed": True}))

@@ -1,0 +1,44 @@
+"""Networks kept under the hash of what trained them: runs that differ in scoring alone share one training."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from filelock import FileLock
+
+from hilbertvae.files import write_json
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+
+
+class KeptNetwork:
+    """The place of one network, `<folder>/<name>.safetensors`, and the right to fill it, which one run at a time has.
+
+    A run that is killed loses that right with its process, so that the next one trains.
+    """
+
+    def __init__(self, folder: str | Path, name: str):
+        self.path = Path(folder) / f"{name}.safetensors"
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._seconds = self.path.with_suffix(".json")
+        self._lock = FileLock(self.path.with_suffix(".lock"))
+
+    def take(self) -> Reconstructor | None:
+        """The network, or None and the right to train it; waits while another run trains it."""
+        self._lock.acquire()
+        if not self.path.exists():
+            return None
+        self.release()
+        reconstructor = Reconstructor.load(self.path)
+        reconstructor.seconds = json.loads(self._seconds.read_text(encoding="utf-8"))
+        return reconstructor
+
+    def keep(self, reconstructor: Reconstructor) -> None:
+        """Fill the place, atomically, and let whoever waits go on."""
+        write_json(self._seconds, reconstructor.seconds)
+        reconstructor.save(self.path)
+        self.release()
+
+    def release(self) -> None:
+        """Give the right back; nothing happens without it."""
+        self._lock.release()
