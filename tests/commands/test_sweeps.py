@@ -1,0 +1,154 @@
+"""Every sweep that is shipped, with `debug=fast`, and what a sweep promises: it survives, it skips, it trains once."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_dir
+
+from hilbertvae.commands.train import CONF, SWEEPS, run, to_settings
+from hilbertvae.reports.result_json import read_result
+from hilbertvae.training.train import kept_name
+
+pytest.importorskip("embreex")
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+NAMES = sorted(path.stem for path in (SWEEPS / "sweep").glob("*.yaml"))
+CASES = sorted((path.parent.name, path.stem) for path in (SWEEPS / "case").glob("*/*.yaml"))
+TRAIN = [sys.executable, "-m", "hilbertvae.train"]
+
+
+def settings_of(*overrides: str):
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return to_settings(compose("config", overrides=list(overrides)))
+
+
+def size_of(case: str) -> str:
+    return "full" if case.endswith("-full") else "quick"
+
+
+def narrow(case: str) -> list[str]:
+    """What is large is for a GPU; a CPU sees that it runs."""
+    widths = {"cvae-hm-full": "[16,32]", "cvae-hm-paper-full": "[4,8,8,8]"}
+    return [f"network.channels={width}" for name, width in widths.items() if case.removeprefix("cae").removeprefix("cvae") in name[3:]]
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory) -> list[str]:
+    """Grids and networks that the jobs of this module share, as those of a sweep do."""
+    folder = tmp_path_factory.mktemp("shared")
+    return [f"data.cache={folder / 'cache'}", f"trained={folder / 'trained'}", "trainer.threads=1"]
+
+
+class TestEveryYaml:
+    @pytest.mark.parametrize(("sweep", "case"), CASES)
+    def test_case_runs(self, sweep, case, tmp_path, shared):
+        width = narrow(case) if not (sweep == "table1" and case in ("cvae-hm-full", "cae-hm-full")) else ["network.channels=[8,8,8,8]"]
+        chosen = [f"sweep={sweep}", f"case/{sweep}={case}", f"size={size_of(case)}", "debug=fast", *width, "evaluation.occlusion=false"]
+        settings = settings_of(*chosen, f"output={tmp_path / 'run'}", *shared)
+        assert run(settings) == 0
+        _, about = read_result(tmp_path / "run/result.json")
+        assert about["config"]["case"] == settings.case != ""
+
+    @pytest.mark.parametrize("size", ["quick", "full"])
+    @pytest.mark.parametrize("sweep", NAMES)
+    def test_sweep_is_made_of_runs_that_can_be(self, sweep, size):
+        settings = settings_of(f"sweep={sweep}", f"size={size}")
+        assert settings.name == f"{sweep}-{size}" and settings.size == size
+        assert settings.trained == "outputs/trained"
+
+    def test_all_quick_sweeps_together_train_at_most_thirty_networks(self):
+        names = set()
+        for sweep in NAMES:
+            for overrides in jobs_of(sweep):
+                settings = settings_of(f"sweep={sweep}", *overrides)
+                if any(mapper.get("reconstructor") == "trained" for mapper in settings.mapper.values()):
+                    names.add(kept_name(settings))
+        assert 20 <= len(names) <= 30
+
+
+def jobs_of(sweep: str) -> list[list[str]]:
+    """The overrides of each job of a sweep in its quick size, from its own parameters."""
+    from itertools import product
+
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        config = compose("config", overrides=[f"sweep={sweep}"], return_hydra_config=True)
+    parameters = {key: str(value).replace("${size}", "quick").split(",") for key, value in config.hydra.sweeper.params.items()}
+    return [[f"{key}={value}" for key, value in zip(parameters, chosen, strict=True)] for chosen in product(*parameters.values())]
+
+
+def multirun(folder: Path, *overrides: str, **options) -> subprocess.CompletedProcess:
+    command = [*TRAIN, "-m", "+sweep=ablation", "debug=fast", "trainer.threads=1", *overrides]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment(), **options)
+
+
+def environment() -> dict[str, str]:
+    return {**os.environ, "OMP_NUM_THREADS": "1"}
+
+
+class TestASweepSurvives:
+    def test_killed_it_goes_on_where_it_was(self, tmp_path):
+        chosen = ["case/ablation=default,weights-unit,dropout-0.2"]
+        command = [*TRAIN, "-m", "+sweep=ablation", "debug=fast", "trainer.threads=1", *chosen]
+        folder = tmp_path / "outputs/debug/ablation-quick"
+        with open(tmp_path / "log", "w") as log:
+            started = subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log, env=environment(), start_new_session=True)
+            until = time.monotonic() + 120
+            while not (folder / "default-seed0/result.json").exists():
+                assert started.poll() is None and time.monotonic() < until, (tmp_path / "log").read_text()
+                time.sleep(0.05)
+            os.killpg(started.pid, signal.SIGKILL)
+            started.wait()
+        whole = (folder / "default-seed0/result.json").read_bytes()
+        assert not (folder / "dropout-0.2-seed0/result.json").exists()
+        assert json.loads((folder / "sweep.json").read_text()) == {
+            "sweep": "ablation", "size": "quick", "jobs": ["default-seed0", "weights-unit-seed0", "dropout-0.2-seed0"],
+        }  # fmt: skip
+
+        done = multirun(tmp_path, *chosen)
+        assert done.returncode == 0, done.stderr
+        assert (folder / "default-seed0/result.json").read_bytes() == whole
+        assert "default-seed0: finished before" in done.stdout and "3 of 3 jobs have results" in done.stdout
+        assert "weights-unit-seed0: its network was trained before" in done.stdout
+
+        again = multirun(tmp_path, *chosen)
+        assert again.stdout.count("finished before") == 3 and "trained before" not in again.stdout
+
+    def test_a_failed_job_is_written_down_and_the_others_are_kept(self, tmp_path):
+        done = multirun(tmp_path, "case/ablation=default,weights-unit", "+mapper.cvae-hm.neighbors=1,2")  # an unknown setting
+        assert done.returncode == 1
+        assert "FAILED default-seed0: run: InputError: mapper.cvae-hm" in done.stdout
+        mixed = multirun(tmp_path, "case/ablation=default,dropout-0.7", "network.dropout=0.0,7.0")
+        assert mixed.returncode == 1
+
+    def test_a_loss_that_is_not_finite_fails_the_job(self, tmp_path):
+        done = multirun(tmp_path, "case/ablation=default", "trainer.learning_rate=1e30")
+        result, about = read_result(tmp_path / "outputs/debug/ablation-quick/default-seed0/result.json")
+        assert done.returncode == 1 and result.failed.keys() == {"run"} and "training loss is nan" in result.failed["run"]
+        assert about["config"]["case"] == "default"
+
+
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+def test_launchers_run_the_jobs(launcher, tmp_path):
+    pytest.importorskip({"joblib": "hydra_plugins.hydra_joblib_launcher", "submitit_local": "submitit"}[launcher])
+    done = multirun(tmp_path, "case/ablation=default,weights-unit", f"launcher={launcher}")
+    assert done.returncode == 0, done.stderr
+    for case in ("default", "weights-unit"):
+        result, _ = read_result(tmp_path / f"outputs/debug/ablation-quick/{case}-seed0/result.json")
+        assert not result.failed
+    assert len(list((tmp_path / "outputs/trained").glob("*.safetensors"))) == 1
+
+
+def test_two_processes_train_one_network(tmp_path):
+    done = multirun(tmp_path, "case/ablation=default", "trainer=ddp", "trainer.accelerator=cpu")
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "outputs/debug/ablation-quick/default-seed0"
+    result, about = read_result(folder / "result.json")
+    assert not result.failed and about["config"]["trainer"]["devices"] == 2
+    assert sorted(path.name for path in (folder / "checkpoints").iterdir()) == ["best.ckpt", "last.ckpt"]
+    assert not (tmp_path / "outputs/debug/ablation-quick/result.json").exists()

@@ -1,0 +1,63 @@
+import json
+
+import pytest
+from reports_toys import result
+
+from hilbertvae.checks import InputError
+from hilbertvae.reports.provenance import provenance
+from hilbertvae.reports.result_json import read_result, write_result
+from hilbertvae.reports.run_state import RUN, is_finished, site_folder, write_failure
+
+IDENTITY = {"training": "abc"}
+
+
+@pytest.fixture
+def finished(tmp_path):
+    found = result()
+    write_result(tmp_path / "result.json", found, provenance({}, identity=IDENTITY))
+    return tmp_path, found
+
+
+def test_the_same_settings_are_finished(finished):
+    folder, found = finished
+    assert is_finished(folder, [found.site], IDENTITY)
+    assert not is_finished(folder, [found.site], {"training": "other"})
+    assert not is_finished(folder, ["elsewhere"], IDENTITY)
+    assert not is_finished(folder, [found.site, "another"], IDENTITY)
+    assert not is_finished(folder, [], IDENTITY)
+
+
+def test_all_sites_have_to_be_there(finished):
+    folder, found = finished
+    other = result()
+    other.site = "simulated:5"
+    write_result(site_folder(folder, other.site, first=False) / "result.json", other, provenance({}, identity=IDENTITY))
+    assert is_finished(folder, [found.site, "simulated:5"], IDENTITY)
+
+
+@pytest.mark.parametrize("damage", ["gone", "cut", "failed"])
+def test_what_is_damaged_or_failed_is_made_again(finished, damage):
+    folder, found = finished
+    path = folder / "result.json"
+    if damage == "gone":
+        path.unlink()
+    elif damage == "cut":
+        path.write_text(path.read_text()[:100])
+    else:
+        found.failed = {"hm": "ValueError: no"}
+        write_result(path, found, provenance({}, identity=IDENTITY))
+    assert not is_finished(folder, [found.site], IDENTITY)
+
+
+def test_a_broken_run_is_a_result_that_can_be_read(tmp_path):
+    config = {"dimension": 2, "data": {"test": ["intel"]}, "evaluation": {"gap_ratio": 0.5, "cluster_size_m": 5.0, "gap_seeds": [0, 1]}}
+    path = write_failure(tmp_path, config, FloatingPointError("training loss is nan"))
+    assert json.loads(path.read_text())["status"] == "failed"
+    found, about = read_result(path)
+    assert found.failed == {RUN: "FloatingPointError: training loss is nan"} and found.scores == {} and found.gap_diameter_m == 2.5
+    assert about["config"] == config
+
+
+def test_even_a_run_without_settings_leaves_word(tmp_path):
+    found, _ = read_result(write_failure(tmp_path, {}, InputError("trainer.epoch: unknown key")))
+    assert found.failed == {RUN: "InputError: trainer.epoch: unknown key"}
