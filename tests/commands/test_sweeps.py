@@ -19,7 +19,7 @@ pytest.importorskip("embreex")
 pytestmark = pytest.mark.filterwarnings("ignore")
 
 NAMES = sorted(path.stem for path in (SWEEPS / "sweep").glob("*.yaml"))
-CASES = sorted((path.parent.name, path.stem) for path in (SWEEPS / "case").glob("*/*.yaml"))
+CASES = sorted((path.parent.name, path.stem) for path in (SWEEPS / "cases").glob("*/*.yaml"))
 TRAIN = [sys.executable, "-m", "hilbertvae.train"]
 
 
@@ -49,7 +49,7 @@ class TestEveryYaml:
     @pytest.mark.parametrize(("sweep", "case"), CASES)
     def test_case_runs(self, sweep, case, tmp_path, shared):
         width = narrow(case) if not (sweep == "table1" and case in ("cvae-hm-full", "cae-hm-full")) else ["network.channels=[8,8,8,8]"]
-        chosen = [f"sweep={sweep}", f"case/{sweep}={case}", f"size={size_of(case)}", "debug=fast", *width, "evaluation.occlusion=false"]
+        chosen = [f"sweep={sweep}", f"cases/{sweep}={case}", f"size={size_of(case)}", "debug=fast", *width, "evaluation.occlusion=false"]
         settings = settings_of(*chosen, f"output={tmp_path / 'run'}", *shared)
         assert run(settings) == 0
         _, about = read_result(tmp_path / "run/result.json")
@@ -93,7 +93,7 @@ def environment() -> dict[str, str]:
 
 class TestASweepSurvives:
     def test_killed_it_goes_on_where_it_was(self, tmp_path):
-        chosen = ["case/ablation=default,weights-unit,dropout-0.2"]
+        chosen = ["cases/ablation=default,weights-unit,dropout-0.2"]
         command = [*TRAIN, "-m", "+sweep=ablation", "debug=fast", "trainer.threads=1", *chosen]
         folder = tmp_path / "outputs/debug/ablation-quick"
         with open(tmp_path / "log", "w") as log:
@@ -120,14 +120,14 @@ class TestASweepSurvives:
         assert again.stdout.count("finished before") == 3 and "trained before" not in again.stdout
 
     def test_a_failed_job_is_written_down_and_the_others_are_kept(self, tmp_path):
-        done = multirun(tmp_path, "case/ablation=default,weights-unit", "+mapper.cvae-hm.neighbors=1,2")  # an unknown setting
+        done = multirun(tmp_path, "cases/ablation=default,weights-unit", "+mapper.cvae-hm.neighbors=1,2")  # an unknown setting
         assert done.returncode == 1
         assert "FAILED default-seed0: run: InputError: mapper.cvae-hm" in done.stdout
-        mixed = multirun(tmp_path, "case/ablation=default,dropout-0.7", "network.dropout=0.0,7.0")
+        mixed = multirun(tmp_path, "cases/ablation=default,dropout-0.7", "network.dropout=0.0,7.0")
         assert mixed.returncode == 1
 
     def test_a_loss_that_is_not_finite_fails_the_job(self, tmp_path):
-        done = multirun(tmp_path, "case/ablation=default", "trainer.learning_rate=1e30")
+        done = multirun(tmp_path, "cases/ablation=default", "trainer.learning_rate=1e30")
         result, about = read_result(tmp_path / "outputs/debug/ablation-quick/default-seed0/result.json")
         assert done.returncode == 1 and result.failed.keys() == {"run"} and "training loss is nan" in result.failed["run"]
         assert about["config"]["case"] == "default"
@@ -136,7 +136,7 @@ class TestASweepSurvives:
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
 def test_launchers_run_the_jobs(launcher, tmp_path):
     pytest.importorskip({"joblib": "hydra_plugins.hydra_joblib_launcher", "submitit_local": "submitit"}[launcher])
-    done = multirun(tmp_path, "case/ablation=default,weights-unit", f"launcher={launcher}")
+    done = multirun(tmp_path, "cases/ablation=default,weights-unit", f"launcher={launcher}")
     assert done.returncode == 0, done.stderr
     for case in ("default", "weights-unit"):
         result, _ = read_result(tmp_path / f"outputs/debug/ablation-quick/{case}-seed0/result.json")
@@ -145,7 +145,7 @@ def test_launchers_run_the_jobs(launcher, tmp_path):
 
 
 def test_two_processes_train_one_network(tmp_path):
-    done = multirun(tmp_path, "case/ablation=default", "trainer=ddp", "trainer.accelerator=cpu")
+    done = multirun(tmp_path, "cases/ablation=default", "trainer=ddp", "trainer.accelerator=cpu")
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "outputs/debug/ablation-quick/default-seed0"
     result, about = read_result(folder / "result.json")
