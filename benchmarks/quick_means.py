@@ -12,10 +12,12 @@ from __future__ import annotations
 import faiss
 import numpy as np
 from measuring import arguments, report, seconds_of, target
-from scipy.spatial import cKDTree
-from sklearn.cluster import KMeans, kmeans_plusplus
 
+from hilbertvae.clusters.comparison import uniform_squares
+from hilbertvae.clusters.kmeans_plus_plus import kmeans_plus_plus
+from hilbertvae.clusters.lloyd import lloyd
 from hilbertvae.clusters.quick_means import quick_means
+from hilbertvae.clusters.random_start import random_start
 
 POINTS_PER_M2 = 12.5
 INNER_RADIUS_M = 1.0
@@ -23,10 +25,7 @@ INNER_RADIUS_M = 1.0
 OUTER_RADIUS_M = INNER_RADIUS_M / 0.55
 LLOYD_ITERATIONS = 5
 
-
-def uniform_cloud(count: int, seed: int) -> np.ndarray:
-    """(count, 2) points in metres, at `POINTS_PER_M2`."""
-    return np.random.default_rng(seed).uniform(0, np.sqrt(count / POINTS_PER_M2), (count, 2))
+uniform_cloud = uniform_squares(POINTS_PER_M2)
 
 
 def cluster(points: np.ndarray, seed: int):
@@ -35,8 +34,7 @@ def cluster(points: np.ndarray, seed: int):
 
 def potential(points: np.ndarray, seeds: np.ndarray) -> float:
     """Sum of squared distances (m^2) to the nearest centre after `LLOYD_ITERATIONS` from `seeds`."""
-    lloyd = KMeans(len(seeds), init=seeds, n_init=1, max_iter=LLOYD_ITERATIONS, algorithm="lloyd", tol=0)
-    return lloyd.fit(points).inertia_
+    return lloyd(points, seeds, LLOYD_ITERATIONS)[1][-1]
 
 
 def faiss_centres(points: np.ndarray, count: int, seed: int) -> np.ndarray:
@@ -57,13 +55,12 @@ def compare(count: int, seeds: int) -> list[dict]:
         seconds, ours = seconds_of(lambda: cluster(points, seed), repeats=3)  # noqa: B023 (called at once)
         clusters.append(len(ours))
         found.setdefault("Quick-Means", []).append((seconds, potential(points, ours.seeds)))
-        seconds, theirs = seconds_of(lambda: kmeans_plusplus(points, len(ours), random_state=seed)[0])  # noqa: B023
+        seconds, theirs = seconds_of(lambda: kmeans_plus_plus(points, len(ours), seed=seed))  # noqa: B023
         found.setdefault("k-means++ (scikit-learn)", []).append((seconds, potential(points, theirs)))
         seconds, centres = seconds_of(lambda: faiss_centres(points, len(ours), seed))  # noqa: B023
-        reached = np.square(cKDTree(centres).query(points)[0]).sum()
+        reached = lloyd(points, centres, 0)[1][0]
         found.setdefault("k-means (faiss, its 5 iterations included)", []).append((seconds, reached))
-        draw = np.random.default_rng(seed)
-        seconds, chosen = seconds_of(lambda: points[draw.choice(len(points), len(ours), replace=False)])  # noqa: B023
+        seconds, chosen = seconds_of(lambda: random_start(points, len(ours), seed))  # noqa: B023
         found.setdefault("random", []).append((seconds, potential(points, chosen)))
         latest = "; ".join(f"{rows[-1][0]:.3g} s, {rows[-1][1]:.0f} m2" for rows in found.values())
         print(f"seed {seed}: {len(ours)} clusters; {latest}", flush=True)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hilbertvae.checks import InputError, check_points, check_positive
+from hilbertvae.checks import InputError, check_count, check_points, check_positive
 
 
 def test_points_come_back_as_float64():
@@ -43,3 +43,14 @@ def test_not_positive(value):
 def test_positive(value):
     found = check_positive(value, "size_m")
     assert type(found) is float and found == value
+
+
+@pytest.mark.parametrize("value", [0, -1, 4, 1.0, np.nan, True, "1", None])
+def test_no_count(value):
+    with pytest.raises(InputError, match="count: expected a whole number from 1 to 3, got"):
+        check_count(value, "count", 3)
+
+
+def test_counts_come_back_as_python_numbers():
+    found = check_count(np.int64(3), "count", 3)
+    assert found == 3 and type(found) is int and check_count(10**12, "count") == 10**12

@@ -31,3 +31,12 @@ def check_positive(value: float, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value) or value <= 0:
         raise InputError(f"{name}: expected a positive number, got {value!r}")
     return float(value)
+
+
+def check_count(value: int, name: str, most: int | None = None) -> int:
+    """`value` as a whole number from 1 on, at most `most` where that is given; an `InputError` otherwise."""
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not whole or value < 1 or (most is not None and value > most):
+        wanted = "of at least 1" if most is None else f"from 1 to {most}"
+        raise InputError(f"{name}: expected a whole number {wanted}, got {value!r}")
+    return int(value)

@@ -10,6 +10,7 @@ from hydra import compose, initialize_config_dir
 from hydra.errors import ConfigCompositionException
 
 from hilbertvae.checks import InputError
+from hilbertvae.clusters.starts import STARTS
 from hilbertvae.commands.build import build_mappers
 from hilbertvae.commands.train import CONF, run, to_settings
 from hilbertvae.files import file_sha256
@@ -62,6 +63,22 @@ class TestEveryConfiguration:
             tmp_path, f"experiment={experiment}", "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false", *narrow(experiment)
         )
         assert run(settings) == 0
+
+    @pytest.mark.parametrize("start", names("start"))
+    def test_start_makes_a_map(self, start, tmp_path):
+        settings = fast(tmp_path, f"start={start}", "mapper=[raw-grid-hm]", "pictures=false", "evaluation.occlusion=false")
+        mappers = build_mappers(settings.mapper)
+        assert give_networks(settings, mappers, None)["raw-grid-hm"].grid.start == start
+        assert run(settings) == 0
+
+    def test_a_start_may_be_chosen_by_its_key_and_beside_an_experiment(self):
+        assert settings_of().grid.start == "quick_means"
+        assert settings_of("grid.start=random").grid.start == "random"
+        faithful = settings_of("experiment=faithful", "network=paper_32", "start=ask_means").grid
+        assert (faithful.start, faithful.cluster_diameter_m) == ("ask_means", 5.0)
+
+    def test_there_is_a_file_for_every_start(self):
+        assert names("start") == sorted(STARTS)
 
     def test_a_run_in_three_dimensions_is_scored_and_looked_at(self, tmp_path):
         settings = fast(tmp_path, "experiment=streets", "mapper=[cvae-hm,octomap,nearest]")
@@ -145,6 +162,7 @@ class TestErrors:
             (["data.simulated=0"], "data.train"),
             (["data.simulated=1", "data.test=[simulated:900001]"], "data.test"),
             (["data.simulated=1", "grid.inner_radius_m=9"], "grid.inner_radius_m"),
+            (["data.simulated=1", "grid.start=forgy"], "grid.start"),
             (["data.simulated=1", "evaluation.gap_seeds=[]"], "evaluation.gap_seeds"),
             (["data.simulated=1", "trainer.kl_warmup_share=0.1"], "trainer.kl_warmup_share"),
             (["data.simulated=1", "dimension=4"], "dimension"),

@@ -5,6 +5,7 @@ import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
+from hilbertvae.clusters.starts import STARTS
 from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
 from toy_rooms import tiny_grid
@@ -33,6 +34,21 @@ def test_clusters_with_few_returns_make_no_grid(room):
     assert len(find_frames(room.fit, replace(tiny_grid(), minimum_points=10**6), seed=0)) == 0
 
 
+@pytest.mark.parametrize("start", STARTS)
+def test_every_start_makes_grids_of_clusters_with_enough_returns(start, place):
+    settings = replace(tiny_grid(place.dimension), start=start, minimum_points=5)
+    frames = find_frames(place.fit, settings, seed=0)
+    fewer = find_frames(place.fit, replace(settings, minimum_points=120), seed=0)
+    assert len(fewer) < len(frames) and frames.scale[0] == settings.cluster_diameter_m
+    assert (bin_grids(place.fit, frames, settings) == OCCUPIED).any(axis=tuple(range(1, place.dimension + 1))).all()
+
+
+def test_the_start_is_quick_means_unless_chosen(room):
+    chosen = {start: find_frames(room.fit, replace(tiny_grid(), start=start), seed=0).centre for start in STARTS}
+    np.testing.assert_array_equal(find_frames(room.fit, tiny_grid(), seed=0).centre, chosen["quick_means"])
+    assert len({centre.tobytes() for centre in chosen.values()}) == len(STARTS)
+
+
 def test_only_free_points_make_no_clusters():
     with pytest.raises(InputError, match="expected occupied points to cluster, got none"):
         find_frames(Cloud(np.ones((3, 2)), np.zeros(3, bool), np.ones(3)), tiny_grid(), seed=0)
@@ -47,6 +63,7 @@ def test_only_free_points_make_no_clusters():
         ("inner_radius_m", 3.3),
         ("occupied_share", 0.0),
         ("occupied_share", 1.1),
+        ("start", "forgy"),
     ],
 )
 def test_settings_that_make_no_grid_are_named(key, value):

@@ -8,7 +8,8 @@ from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
-from hilbertvae.clusters.quick_means import Clusters, quick_means
+from hilbertvae.clusters.clusters import Clusters
+from hilbertvae.clusters.quick_means import quick_means
 from hilbertvae.gaps import random_gaps
 from hilbertvae.grids.frame import CENTRES, ROTATIONS, SCALES, Frames, FrameSettings, cluster_frames
 

@@ -159,6 +159,17 @@ def test_settings_that_do_not_fit_the_weights(tmp_path, change):
         Reconstructor.load(path)
 
 
+def test_a_checkpoint_from_before_there_was_a_choice_of_start(tmp_path):
+    def before(described):
+        return {**described, "grid": {key: value for key, value in described["grid"].items() if key != "start"}}
+
+    made = tiny_reconstructor()
+    made.grid.start = "ask_means"
+    path = made.save(tmp_path / "model.safetensors")
+    assert Reconstructor.load(path).grid.start == "ask_means"
+    assert Reconstructor.load(forged(path, before)).grid == tiny_grid()
+
+
 def test_an_unknown_kind_of_network_is_named(tmp_path):
     path = forged(
         tiny_reconstructor().save(tmp_path / "model.safetensors"),

@@ -95,6 +95,7 @@ MATTER = [
     ("grid.cells", 8),
     ("grid.cluster_diameter_m", 2.0),
     ("grid.inner_radius_m", 0.4),
+    ("grid.start", "random"),
     ("grid.minimum_points", 9),
     ("grid.occupied_share", 0.5),
     ("grid.frame", FrameSettings(centre="median")),

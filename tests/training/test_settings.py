@@ -23,6 +23,7 @@ def test_good_settings_pass():
         ({"dimension": 4}, "dimension: expected 2 or 3, got 4"),
         ({"resolution_m": 0.0}, "resolution_m: expected a positive number, got 0.0"),
         ({"grid": GridSettings(cells=0)}, "grid.cells: expected at least 2"),
+        ({"grid": GridSettings(start="forgy")}, "grid.start: expected one of quick_means, ask_means,"),
         ({"evaluation": Protocol(gap_seeds=[])}, "evaluation.gap_seeds"),
         ({"data": DataSettings()}, "data.train: expected at least one site, or data.simulated buildings, got neither"),
         ({"data": DataSettings(train=["aces"], validate="aces")}, "data.validate: 'aces' is also trained on"),

@@ -8,7 +8,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
-from hilbertvae.clusters.quick_means import quick_means
+from hilbertvae.clusters.starts import check_start, find_clusters
 from hilbertvae.grids.aligned_grid import UNKNOWN, bin_portions, vote
 from hilbertvae.grids.frame import Frames, FrameSettings, cluster_frames
 
@@ -21,8 +21,10 @@ class GridSettings:
     """Cells along each axis of a grid."""
     cluster_diameter_m: float = 6.4
     """2 r_o of Quick-Means, and the side of the box: with 64 cells, cells of one 0.1 m voxel."""
+    start: str = "quick_means"
+    """How seeds of clusters are found: `quick_means`, `ask_means`, `kmeans_parallel`, `kmeans_plus_plus` or `random`."""
     inner_radius_m: float = 1.375
-    """r_i of Quick-Means: how far clusters stand apart; 0.55 of the paper's r_o."""
+    """r_i of Quick-Means, threshold of ASK-Means: how far clusters stand apart; 0.55 of the paper's r_o. Other starts find as many."""
     minimum_points: int = 10
     """Occupied points that a cluster has more than."""
     occupied_share: float = OCCUPIED_SHARE
@@ -33,6 +35,7 @@ class GridSettings:
         """An `InputError` that names the key for a value that makes no grid."""
         check_positive(self.cluster_diameter_m, "grid.cluster_diameter_m")
         check_positive(self.inner_radius_m, "grid.inner_radius_m")
+        check_start(self.start, "grid.start")
         if self.cells < 2:
             raise InputError(f"grid.cells: expected at least 2, got {self.cells}")
         if self.inner_radius_m > self.cluster_diameter_m / 2:
@@ -47,11 +50,12 @@ class GridSettings:
 
 
 def find_frames(cloud: Cloud, settings: GridSettings, seed: int) -> Frames:
-    """Quick-Means clusters of the cloud's occupied points, and their frames."""
+    """Clusters of the cloud's occupied points, and their frames."""
     returns = cloud.points[cloud.occupied]
     if not len(returns):
         raise InputError("cloud: expected occupied points to cluster, got none")
-    clusters = quick_means(returns, settings.cluster_diameter_m / 2, settings.inner_radius_m, settings.minimum_points, seed)
+    radii_m = settings.cluster_diameter_m / 2, settings.inner_radius_m
+    clusters = find_clusters(returns, *radii_m, settings.minimum_points, seed, settings.start)
     return cluster_frames(clusters, cloud, settings.cluster_diameter_m, settings.cell_m, settings.frame)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from hilbertvae.bucket_index import BucketIndex
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
-from hilbertvae.clusters.quick_means import Clusters
+from hilbertvae.clusters.clusters import Clusters
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from hilbertvae.checks import check_positive
-from hilbertvae.clusters.quick_means import Clusters, quick_means
+from hilbertvae.clusters.clusters import Clusters
+from hilbertvae.clusters.quick_means import quick_means
 from hilbertvae.mappers.logistic import LogisticMapper
 
 NEAREST = 5
