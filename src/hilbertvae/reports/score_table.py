@@ -30,9 +30,11 @@ def mean_and_spread(values: list[float]) -> tuple[float, float | None]:
 
 def percent(values: list[float] | None) -> str:
     """Mean +- standard deviation over gap seeds, in percent: `85.1±2.3`, or `85.1` of one seed."""
-    if not values:
-        return NOTHING
-    mean, spread = mean_and_spread(values)
+    return as_percent(*mean_and_spread(values)) if values else NOTHING
+
+
+def as_percent(mean: float, spread: float | None = None) -> str:
+    """A share and its standard deviation, if there is one, in percent."""
     return f"{100 * mean:.1f}" + (f"±{100 * spread:.1f}" if spread is not None else "")
 
 
@@ -117,7 +119,8 @@ def markdown_scores(result: Result) -> str:
     return "\n\n".join([*parts, f"{LEGEND} {GROUND_LEGEND}" if result.dimension == 3 else LEGEND]) + "\n"
 
 
-def markdown(header: list[str], rows: list[list[str]]) -> str:
-    """A Markdown table, the first column to the left and the others to the right."""
-    lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
+def markdown(header: list[str], rows: list[list[str]], words: tuple[int, ...] = ()) -> str:
+    """A Markdown table, the first column to the left and the others to the right, but for those in the places of `words`."""
+    sides = ["---" if place in (0, *words) else "---:" for place in range(len(header))]
+    lines = [header, sides, *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
