@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Protocol
 
 from hilbertvae.checks import InputError
 from hilbertvae.tables.sweep import UNCLEAN, Run, Sweep
@@ -12,6 +13,13 @@ OWN = "hilbertvae"
 SITE = "site"
 NO_SITE = ("checkpoint",)
 """Names among a run's data that are no site: a network may well differ from row to row."""
+
+
+class Made(Protocol):
+    """Any file that says what made it, as `provenance` does."""
+
+    name: str
+    about: dict
 
 
 def check_alike(sweep: Sweep, varies: frozenset[str] = frozenset(), same: tuple[str, ...] = ()) -> None:
@@ -55,9 +63,8 @@ def _short(value: object) -> str:
     return text if len(text) <= 40 else text[:37] + "..."
 
 
-def origin_notes(sweep: Sweep) -> list[str]:
+def origin_notes(runs: Sequence[Made]) -> list[str]:
     """What made the rows: version and commits, trees that were dirty, packages and machines that differ."""
-    runs = sweep.scored
     if not runs:
         return []
     versions = sorted({run.about["packages"][OWN] for run in runs})
@@ -80,12 +87,12 @@ def origin_notes(sweep: Sweep) -> list[str]:
     return lines
 
 
-def is_unclean(run: Run) -> bool:
+def is_unclean(run: Made) -> bool:
     """Whether the run's code was changed after its commit."""
     return bool((run.about.get("git") or {}).get("dirty"))
 
 
-def _host(run: Run) -> str:
+def _host(run: Made) -> str:
     host = run.about["host"]
     return f"{host.get('cpu', 'an unknown processor')}, {host.get('threads', '?')} threads"
 

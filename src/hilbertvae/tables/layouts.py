@@ -7,10 +7,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hilbertvae.checks import InputError
+from hilbertvae.tables import gap_size, generalise, recipes
+from hilbertvae.tables.ablation import ablation_page
 from hilbertvae.tables.alike import check_alike, origin_notes
+from hilbertvae.tables.clustering import read_starts
+from hilbertvae.tables.gap_size import gap_size_page
+from hilbertvae.tables.generalise import generalise_page
+from hilbertvae.tables.latent import latent_page
 from hilbertvae.tables.methods import methods_page
 from hilbertvae.tables.page import Page
+from hilbertvae.tables.recipes import recipes_page
+from hilbertvae.tables.starts import starts_page
 from hilbertvae.tables.sweep import Sweep, read_kind, read_sweep
+from hilbertvae.tables.tradeoff import tradeoff_page
 
 
 @dataclass(frozen=True)
@@ -24,12 +33,27 @@ class Layout:
     def read(self, folder: Path, kind: str) -> Page:
         sweep = read_sweep(folder, kind)
         check_alike(sweep, self.varies, self.same)
-        return finished(self.page(sweep), kind, sweep.size, sweep.troubles(), origin_notes(sweep))
+        return finished(self.page(sweep), kind, sweep.size, sweep.troubles(), origin_notes(sweep.scored))
 
 
-LAYOUTS = {
+class StartsLayout:
+    """Fig. 2 scores no map: its jobs leave another kind of file."""
+
+    def read(self, folder: Path, kind: str) -> Page:
+        study = read_starts(folder, kind)
+        return finished(starts_page(study), kind, study.size, study.troubles(), origin_notes(study.measured))
+
+
+LAYOUTS: dict[str, Layout | StartsLayout] = {
     "table1": Layout(methods_page),
     "table2": Layout(methods_page),
+    "fig2": StartsLayout(),
+    "fig6": Layout(latent_page),
+    "fig7": Layout(gap_size_page, varies=gap_size.VARIES),
+    "tradeoff": Layout(tradeoff_page),
+    "ablation": Layout(ablation_page),
+    "generalise": Layout(generalise_page, varies=generalise.VARIES),
+    "recipes": Layout(recipes_page, same=recipes.SAME),
 }
 
 

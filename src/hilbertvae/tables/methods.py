@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hilbertvae.reports.paper_table import NOTE as PAPER_NOTE
 from hilbertvae.reports.paper_table import OCTOMAP_NOTE, PAPER, PaperRow
+from hilbertvae.tables.cases import heading
 from hilbertvae.tables.measure import (
     COST_LEGEND,
     COSTS,
@@ -62,11 +63,10 @@ def methods_page(sweep: Sweep) -> Page:
         if any(run.scores(mapper, "voxels", region, "auc") for run in sweep.scored for mapper in run.result.scores)
     ]
     tables, shown = [], []
-    for site in sweep.sites() or [""]:
-        runs = [run for run in sweep.runs if run.result.site == site]
+    for site, runs in sweep.by_site():
         rows = method_rows(sweep, runs, site, dimension)
         shown = shown or rows
-        tables.append(Table("table", rows, [*NAMED, *COUNTS, *SCORES, N, NOTE], caption=_caption(runs)))
+        tables.append(Table("table", rows, [*NAMED, *COUNTS, *SCORES, N, NOTE], caption=heading(sweep, site)))
         tables.append(Table("table", rows, [NAMED[0], *MORE, *occlusion, *COSTS]))
         tables.append(order_table(runs, site, dimension))
     notes = [LEGEND, COST_LEGEND, PAPER_NOTE, *([OCTOMAP_NOTE] if dimension == 3 else [])]
@@ -74,16 +74,9 @@ def methods_page(sweep: Sweep) -> Page:
     return Page(title, tables, lambda: methods_picture(shown, title), notes)
 
 
-def _caption(runs: list[Run]) -> str:
-    run = next((run for run in runs if run.scored), None)
-    if run is None:
-        return "## No site was scored"
-    return f"## {run.result.site}, gaps of {run.result.gap_diameter_m:g} m"
-
-
 def method_rows(sweep: Sweep, runs: list[Run], site: str, dimension: int) -> list[Row]:
     """A row per mapper: in the paper's order as in the paper, then ours, then all others; those that are missing or failed, too."""
-    groups = mapper_groups([run for run in runs if run.scored])
+    groups = mapper_groups(runs)
     cases = [mapper for mapper, _ in groups]
     failed = _failed(runs)
     rows = []
@@ -92,9 +85,9 @@ def method_rows(sweep: Sweep, runs: list[Run], site: str, dimension: int) -> lis
         row = {"site": site, "method": name, "mapper": mapper, **counts_of(group), **costs_of(group, mapper)}
         row |= {key: score_of(group, mapper, *what) for key, what in SCORED.items()}
         reasons = _reasons(mapper, next(iter(group.values())), dimension)
-        rows.append(row | {"note": note_of(group, *reasons, *failed.pop(mapper, []))})
+        rows.append(row | {"note": note_of(group, *reasons, *sweep.gone(case), *failed.pop(mapper, []))})
     absent = {mapper: ("failed", "; ".join(notes)) for mapper, notes in failed.items()}
-    if site in sweep.sites()[:1] or not sweep.sites():
+    if site == sweep.by_site()[0][0]:
         absent |= {case: (status, "see below") for case, status in sweep.absent().items()}
     absent = {name: status for name, status in absent.items() if name not in cases}
     for paper in PAPER[dimension]:
@@ -111,9 +104,8 @@ def _failed(runs: list[Run]) -> dict[str, list[str]]:
     """Notes by mapper on those that failed in runs that scored others."""
     found: dict[str, list[str]] = {}
     for run in runs:
-        if run.scored:
-            for mapper, message in run.result.failed.items():
-                found.setdefault(mapper, []).append(f"failed in {run.name}: {' '.join(message.split())}")
+        for mapper, message in run.result.failed.items():
+            found.setdefault(mapper, []).append(f"failed in {run.name}: {' '.join(message.split())}")
     return found
 
 

@@ -71,7 +71,7 @@ def text(title: str, key: str) -> Column:
 
 def value(title: str, *keys: str, show: Callable[[Any], str] | None = None) -> Column:
     """A column of numbers that were set or printed, not measured here."""
-    return Column(title, keys, show or number, measured=False)
+    return Column(title, keys, show or (lambda given: f"{given:g}"), measured=False)
 
 
 def hidden(key: str) -> Column:

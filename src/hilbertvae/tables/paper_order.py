@@ -33,7 +33,7 @@ def order_table(runs: list[Run], site: str, dimension: int) -> Table:
     """Neighbours in the paper's order by F1 in gaps: networks as in the paper, and then ours. Differences are per gap seed."""
     ranked = sorted(PAPER[dimension], key=gaps_f1, reverse=True)
     groups: dict[str, Group] = {}
-    for (mapper, case), group in mapper_groups([run for run in runs if run.scored]).items():
+    for (mapper, case), group in mapper_groups(runs).items():
         if mapper not in groups or case == mapper:  # where several cases scored it, one is named after it
             groups[mapper] = group
     rows = []

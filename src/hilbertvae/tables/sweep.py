@@ -44,6 +44,13 @@ class Run:
         """A setting by its dotted key; `default` where it is not there."""
         return _below(self.about["config"], key, default)
 
+    def setting(self, key: str) -> Any:
+        """A setting that this kind of sweep can't do without; an `InputError` that names it where it is not there."""
+        found = self.config(key)
+        if found is None:
+            raise InputError(f"{self.path}: config.{key}: missing, and the rows of this table are named after it")
+        return found
+
     def scores(self, mapper: str, reading: str, region: str, metric: str) -> list[float]:
         """One number per gap seed; none where it was not scored."""
         return self.result.scores.get(mapper, {}).get(reading, {}).get(region, {}).get(metric, [])
@@ -56,6 +63,10 @@ class Run:
         """Seconds of a stage of the run: `train`, `grids`, ..."""
         found = self.about.get("stage_seconds", {}).get(stage)
         return [] if found is None else [float(found)]
+
+    def failures(self) -> list[str]:
+        """Notes on mappers that failed while others were scored."""
+        return [f"{mapper} failed in {self.name}: {' '.join(message.split())}" for mapper, message in self.result.failed.items()]
 
     def map(self, mapper: str, what: str) -> list[float]:
         """`clusters` of a fitted map, or its size in `bytes`."""
@@ -86,6 +97,10 @@ class Sweep:
     def scored(self) -> list[Run]:
         return [run for run in self.runs if run.scored]
 
+    def by_site(self) -> list[tuple[str, list[Run]]]:
+        """Runs that were scored by test site; one site without a name where none was."""
+        return [(site, [run for run in self.scored if run.result.site == site]) for site in self.sites()] or [("", [])]
+
     def sites(self) -> list[str]:
         """Names of test sites, that of the jobs' first ones before any other."""
         first = [run.result.site for run in self.scored if run.name == run.job]
@@ -96,6 +111,11 @@ class Sweep:
         there = {run.case for run in self.scored}
         found = {case_of(job): "missing" for job in self.missing} | {run.case: "failed" for run in self.runs if not run.scored}
         return {case: status for case, status in found.items() if case not in there}
+
+    def gone(self, case: str) -> list[str]:
+        """Notes on the jobs of a case that left no scores."""
+        failed = [f"failed: {run.name}" for run in self.runs if not run.scored and run.case == case]
+        return [f"missing: {job}" for job in self.missing if case_of(job) == case] + failed
 
     def troubles(self) -> list[str]:
         """A line for each job without a result, for all that failed, and for folders that were left out."""
