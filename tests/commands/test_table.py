@@ -36,6 +36,13 @@ def test_a_refusal_is_one_line_with_exit_code_2_and_leaves_nothing(tmp_path, cap
     assert not (tmp_path / "out").exists()
 
 
+def test_a_folder_that_can_t_be_written(tmp_path, capsys):
+    put(tmp_path, "cvae-hm-seed0", {"cvae-hm": [0.5, 0.7]})
+    (tmp_path / "file").write_text("")
+    assert main([str(tmp_path), "--sweep", "table1", "--output", str(tmp_path / "file" / "out")]) == 2
+    assert capsys.readouterr().err.startswith("hilbertvae-table: ")
+
+
 @pytest.mark.skipif(not COMMITTED, reason="no committed sweeps yet")
 @pytest.mark.parametrize("folder", COMMITTED, ids=lambda folder: folder.name)
 def test_committed_tables_are_what_the_committed_results_give(folder):

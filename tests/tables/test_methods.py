@@ -1,13 +1,16 @@
 """Tables I and II: means and spreads worked out by hand, the paper's numbers beside them, and whose order holds."""
 
 import statistics
+from dataclasses import asdict
 
 import pytest
 
+from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.tables.layouts import read_page
+from hilbertvae.tables.methods import PAPER_LATENT, PAPER_NETWORK
 from toy_sweeps import SECONDS, declare, lines_with, put, put_failed, rows_of_csv, scores_of
 
-PAPER_NETWORK = {"network.kind": "paper", "network.channels": [64, 128, 256, 256], "network.kernels": [9, 7, 5, 5], "network.latent": 25}
+AS_IN_THE_PAPER = {"network.kind": "paper", "network.channels": [64, 128, 256, 256], "network.kernels": [9, 7, 5, 5], "network.latent": 25}
 
 
 @pytest.fixture
@@ -17,7 +20,7 @@ def folder(tmp_path):
     ours = {"cvae-hm": [0.6, 0.8], "cvae-hm-points": scores_of([0.5, 0.7], f1=[0.6, 0.7])}
     put(tmp_path, "cvae-hm-seed0", ours, maps={"cvae-hm": {"clusters": [10, 20], "bytes": [3e6, 5e6]}})
     put(tmp_path, "cvae-hm-seed1", {"cvae-hm": [0.4, 0.4], "cvae-hm-points": scores_of([0.7, 0.9], f1=[0.8, 0.9])})
-    put(tmp_path, "cvae-hm-paper-seed0", {"cvae-hm-paper": [0.1, 0.2]}, config=PAPER_NETWORK | {"grid.cells": 64})
+    put(tmp_path, "cvae-hm-paper-seed0", {"cvae-hm-paper": [0.1, 0.2]}, config=AS_IN_THE_PAPER | {"grid.cells": 64})
     put(tmp_path, "cae-hm-seed0", {"cae-hm-points": [0.3, 0.5]})
     put(tmp_path, "baselines-seed0", {"nearest": [0.2, 0.3], "lard-hm": scores_of([0.4, 0.4], f1=[0.65, 0.6]), "gpom": [0.9, 0.9]})
     return tmp_path
@@ -97,7 +100,7 @@ def test_notes_say_what_the_network_was(folder):
     found = rows(folder)
     assert found["cvae-hm-paper"]["note"] == "the paper's network: paper 64/128/256/256, 64 cells, latent 25"
     assert found["cvae-hm"]["note"] == "gated 8/16, 32 cells, latent 4; calibrated for voxels"
-    put(folder, "cvae-hm-paper-seed0", {"cvae-hm-paper": [0.1, 0.2]}, config=PAPER_NETWORK | {"network.channels": [4]})
+    put(folder, "cvae-hm-paper-seed0", {"cvae-hm-paper": [0.1, 0.2]}, config=AS_IN_THE_PAPER | {"network.channels": [4]})
     note = rows(folder)["cvae-hm-paper"]["note"]
     assert note == "the paper's recipe on another network than its baseline: paper 4, 32 cells, latent 25"
 
@@ -130,3 +133,18 @@ def test_in_3d_the_paper_s_second_table(tmp_path):
     page = read_page(tmp_path, "table2")
     assert "Table II" in page.markdown() and "OctoMap is fed labelled points" in page.markdown()
     assert rows_of_csv(page.csv_files()["table.csv"])[0]["paper_gaps_precision"] == "0.1685"
+    scores = scores_of([0.1, 0.2])
+    scores["voxels"]["gaps-above-ground"] = scores["voxels"]["gaps"]
+    put(tmp_path, "baselines-seed0", {"octomap": scores}, dimension=3)
+    assert "gaps above ground, voxels: best F1 (%)" in read_page(tmp_path, "table2").markdown()
+
+
+def test_the_paper_s_network_is_the_one_that_can_be_chosen():
+    settings = asdict(PaperNetworkSettings())
+    assert {key: settings[key] for key in PAPER_NETWORK} == PAPER_NETWORK and settings["latent"] == PAPER_LATENT[2]
+
+
+def test_a_row_made_by_uncommitted_code_says_so(folder):
+    put(folder, "cae-hm-seed0", {"cae-hm-points": [0.3, 0.5]}, about={"git": {"commit": "b" * 40, "dirty": True}})
+    found = rows(folder)
+    assert found["cae-hm-points"]["note"].endswith("; uncommitted tree") and "uncommitted" not in found["nearest"]["note"]

@@ -92,6 +92,12 @@ def test_a_bad_result_names_itself_and_the_key(tmp_path, how, message):
     assert str(path) in str(error.value) and message in str(error.value)
 
 
+def test_a_job_that_broke_before_its_settings_were_known_is_a_failure_and_no_refusal(tmp_path):
+    change(put_failed(tmp_path, "a-seed0"), lambda content: content["config"].update(seed="???", case=None))
+    (run,) = read_sweep(tmp_path, "table1").runs
+    assert run.case == "a" and "- failed: a-seed0, run: ValueError: no" in read_page(tmp_path, "table1").markdown()
+
+
 def test_two_runs_of_one_cell(tmp_path):
     for job in ("a-seed0", "b-seed0"):
         put(tmp_path, job, {"nearest": [0.1, 0.2]}, case="a", seed=0)

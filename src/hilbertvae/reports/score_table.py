@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from rich import box
 from rich.console import Console
@@ -24,8 +26,9 @@ NOTHING = "-"
 
 
 def mean_and_spread(values: list[float]) -> tuple[float, float | None]:
-    """Mean, and the standard deviation of a sample (n - 1); None for a single value."""
-    return float(np.mean(values)), float(np.std(values, ddof=1)) if len(values) > 1 else None
+    """Mean, and the standard deviation of a sample (n - 1); None for a single value. The same bits on every machine."""
+    mean = math.fsum(values) / len(values)
+    return mean, math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1)) if len(values) > 1 else None
 
 
 def percent(values: list[float] | None) -> str:

@@ -94,7 +94,8 @@ def is_unclean(run: Made) -> bool:
 
 def _host(run: Made) -> str:
     host = run.about["host"]
-    return f"{host.get('cpu', 'an unknown processor')}, {host.get('threads', '?')} threads"
+    threads = host.get("threads", "?")
+    return f"{host.get('cpu', 'an unknown processor')}, {threads} thread{'' if threads == 1 else 's'}"
 
 
 def _names(names: list[str]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from hilbertvae.reports.colours import OTHERS, OURS
@@ -65,7 +64,7 @@ def _row(group: Group) -> Row:
         theirs = {name: values for name, values in theirs.items() if values}
         if not theirs:
             continue
-        best = max(theirs, key=lambda name: np.mean([np.mean(values) for values in theirs[name].values()]))
+        best = max(theirs, key=lambda name: over_seeds(list(theirs[name].values())).mean)
         # The same answers from every training seed's run: one of them shows how gap seeds differ.
         one = dict([min(theirs[best].items())])
         found = differences(ours, one, untrained=True)

@@ -46,28 +46,35 @@ MORE = [
     measured("gaps, voxels: best F1 (%)", "gaps_voxels_best_f1"),
     measured("AUC (%)", "gaps_voxels_auc"),
 ]
-OCCLUSION = ("occluded-sparse", "occluded-half")
-SCORED = {"gaps_f1": ("points", "gaps", "f1"), "gaps_auc": ("points", "gaps", "auc")} | {
-    f"gaps_voxels_{metric}": ("voxels", "gaps", metric) for metric in ("best_f1", "auc")
-} | {
-    f"{region}_{metric}": ("points", region, metric) for region in ("fitted", "observed", "gaps") for metric in ("precision", "recall")
-} | {f"{region}_auc": ("voxels", region, "auc") for region in OCCLUSION}  # fmt: skip
+WHERE_SCORED = {
+    "gaps-above-ground_best_f1": ("voxels", "gaps-above-ground", "best_f1", "gaps above ground, voxels: best F1 (%)"),
+    "gaps-above-ground_auc": ("voxels", "gaps-above-ground", "auc", "AUC (%)"),
+    "occluded-sparse_auc": ("voxels", "occluded-sparse", "auc", "occluded, sparse, voxels: AUC (%)"),
+    "occluded-half_auc": ("voxels", "occluded-half", "auc", "occluded, half, voxels: AUC (%)"),
+}
+"""Columns of regions that not every run has."""
+SCORED = {
+    **{f"{region}_{metric}": ("points", region, metric) for region in ("fitted", "observed", "gaps") for metric in ("precision", "recall")},
+    **{f"gaps_{metric}": ("points", "gaps", metric) for metric in ("f1", "auc")},
+    **{f"gaps_voxels_{metric}": ("voxels", "gaps", metric) for metric in ("best_f1", "auc")},
+    **{key: what[:3] for key, what in WHERE_SCORED.items()},
+}
+"""Cells by key: reading, region and metric."""
 
 
 def methods_page(sweep: Sweep) -> Page:
     """Tables of scores and costs for each site, then the order of the methods against the paper's."""
     dimension = next((run.result.dimension for run in sweep.scored), DIMENSIONS.get(sweep.kind, 2))
-    occlusion = [
-        measured(f"{region.replace('-', ', ')}, voxels: AUC (%)", f"{region}_auc")
-        for region in OCCLUSION
-        if any(run.scores(mapper, "voxels", region, "auc") for run in sweep.scored for mapper in run.result.scores)
+    cells = [(run, mapper) for run in sweep.scored for mapper in run.result.scores]
+    further = [
+        measured(title, key) for key, (*what, title) in WHERE_SCORED.items() if any(run.scores(mapper, *what) for run, mapper in cells)
     ]
     tables, shown = [], []
     for site, runs in sweep.by_site():
         rows = method_rows(sweep, runs, site, dimension)
         shown = shown or rows
         tables.append(Table("table", rows, [*NAMED, *COUNTS, *SCORES, N, NOTE], caption=heading(sweep, site)))
-        tables.append(Table("table", rows, [NAMED[0], *MORE, *occlusion, *COSTS]))
+        tables.append(Table("table", rows, [NAMED[0], *MORE, *further, *COSTS]))
         tables.append(order_table(runs, site, dimension))
     notes = [LEGEND, COST_LEGEND, PAPER_NOTE, *([OCTOMAP_NOTE] if dimension == 3 else [])]
     title = f"Methods in {dimension}D beside the paper's Table {'I' * (dimension - 1)}"

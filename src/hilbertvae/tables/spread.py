@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from hilbertvae.reports.score_table import mean_and_spread
 
 
@@ -32,7 +30,7 @@ def over_seeds(runs: Sequence[Sequence[float]]) -> Spread | None:
     runs = [run for run in runs if len(run)]
     if len(runs) == 1:
         return spread(runs[0])
-    return spread([float(np.mean(run)) for run in runs])
+    return spread([mean_and_spread(run)[0] for run in runs])
 
 
 Paired = dict[int, list[float]]

@@ -189,11 +189,12 @@ def _run(path: Path, name: str) -> Run:
     match = JOB.fullmatch(name.split("/")[0])
     case = about["config"].get("case") or case_of(name.split("/")[0])
     seed = about["config"].get("seed", int(match["seed"]) if match else None)
-    if not isinstance(case, str):
-        raise InputError(f"{path}: config.case: expected text, got {case!r:.60}")
-    if not isinstance(seed, int) or isinstance(seed, bool):
-        raise InputError(f"{path}: config.seed: expected a whole number, got {seed!r:.60}")
-    return Run(name, case, seed, path, result, about)
+    if result.scores:  # of a job that broke, settings may never have been found
+        if not isinstance(case, str):
+            raise InputError(f"{path}: config.case: expected text, got {case!r:.60}")
+        if not isinstance(seed, int) or isinstance(seed, bool):
+            raise InputError(f"{path}: config.seed: expected a whole number, got {seed!r:.60}")
+    return Run(name, str(case), seed, path, result, about)
 
 
 def _below(node: Any, key: str, default: Any) -> Any:
