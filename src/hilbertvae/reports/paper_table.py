@@ -21,13 +21,13 @@ PAPER = {
     2: (
         PaperRow("GPOM", (90.60, 80.83), (34.61, 29.94), ("gpom",)),
         PaperRow("LARD-HM", (80.44, 99.70), (53.58, 51.71), ("lard-hm",)),
-        PaperRow("CAE-HM", (77.82, 74.89), (45.22, 42.45), ("cae-hm-paper", "cae-hm")),
+        PaperRow("CAE-HM", (77.82, 74.89), (45.22, 42.45), ("cae-hm-paper", "cae-hm-points")),
         PaperRow("CVAE-HM", (96.64, 94.75), (90.86, 86.29), ("cvae-hm-paper", "cvae-hm-points")),
     ),
     3: (
         PaperRow("OctoMap", (95.59, 94.99), (16.85, 21.94), ("octomap",)),
         PaperRow("LARD-HM", (86.08, 96.58), (40.20, 38.62), ("lard-hm",)),
-        PaperRow("CAE-HM", (61.92, 64.53), (36.20, 34.26), ("cae-hm-paper", "cae-hm")),
+        PaperRow("CAE-HM", (61.92, 64.53), (36.20, 34.26), ("cae-hm-paper", "cae-hm-points")),
         PaperRow("CVAE-HM", (92.91, 89.68), (86.02, 81.27), ("cvae-hm-paper", "cvae-hm-points")),
     ),
 }

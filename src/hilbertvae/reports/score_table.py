@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from rich import box
 from rich.console import Console
@@ -24,15 +26,18 @@ NOTHING = "-"
 
 
 def mean_and_spread(values: list[float]) -> tuple[float, float | None]:
-    """Mean, and the standard deviation of a sample (n - 1); None for a single value."""
-    return float(np.mean(values)), float(np.std(values, ddof=1)) if len(values) > 1 else None
+    """Mean, and the standard deviation of a sample (n - 1); None for a single value. The same bits on every machine."""
+    mean = math.fsum(values) / len(values)
+    return mean, math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1)) if len(values) > 1 else None
 
 
 def percent(values: list[float] | None) -> str:
     """Mean +- standard deviation over gap seeds, in percent: `85.1±2.3`, or `85.1` of one seed."""
-    if not values:
-        return NOTHING
-    mean, spread = mean_and_spread(values)
+    return as_percent(*mean_and_spread(values)) if values else NOTHING
+
+
+def as_percent(mean: float, spread: float | None = None) -> str:
+    """A share and its standard deviation, if there is one, in percent."""
     return f"{100 * mean:.1f}" + (f"±{100 * spread:.1f}" if spread is not None else "")
 
 
@@ -117,7 +122,8 @@ def markdown_scores(result: Result) -> str:
     return "\n\n".join([*parts, f"{LEGEND} {GROUND_LEGEND}" if result.dimension == 3 else LEGEND]) + "\n"
 
 
-def markdown(header: list[str], rows: list[list[str]]) -> str:
-    """A Markdown table, the first column to the left and the others to the right."""
-    lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
+def markdown(header: list[str], rows: list[list[str]], words: tuple[int, ...] = ()) -> str:
+    """A Markdown table, the first column to the left and the others to the right, but for those in the places of `words`."""
+    sides = ["---" if place in (0, *words) else "---:" for place in range(len(header))]
+    lines = [header, sides, *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)

@@ -1,0 +1,30 @@
+"""`hilbertvae-table`: the table and the figure of a sweep, from its result files alone."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from hilbertvae.checks import InputError
+from hilbertvae.tables.layouts import LAYOUTS
+from hilbertvae.tables.write import write_tables
+
+
+def main(words: list[str] | None = None) -> int:
+    """Entry point; the exit code, 2 for results that make no table and for a folder that can't be written."""
+    parser = argparse.ArgumentParser(prog="hilbertvae-table", description="Write table.md, table.csv and figure.png of a sweep's results.")
+    parser.add_argument("folder", type=Path, help="folder of a sweep, with a folder per job and result.json in each")
+    parser.add_argument("--output", type=Path, help="where to write; by default the folder itself")
+    parser.add_argument("--sweep", choices=LAYOUTS, help="what the sweep is, for a folder without sweep.json")
+    given = parser.parse_args(words)
+    try:
+        print(write_tables(given.folder, given.output, given.sweep), end="")
+    except (InputError, OSError) as error:
+        print(f"hilbertvae-table: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Tables and figures over many runs, made from `result.json` files alone."""

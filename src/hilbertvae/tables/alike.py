@@ -1,0 +1,102 @@
+"""Which runs may stand in one table: the same protocol, version, site and data. What may differ but should be known becomes a note."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from typing import Protocol
+
+from hilbertvae.checks import InputError
+from hilbertvae.tables.sweep import UNCLEAN, Run, Sweep
+
+OWN = "hilbertvae"
+SITE = "site"
+NO_SITE = ("checkpoint",)
+"""Names among a run's data that are no site: a network may well differ from row to row."""
+
+
+class Made(Protocol):
+    """Any file that says what made it, as `provenance` does."""
+
+    name: str
+    about: dict
+
+
+def check_alike(sweep: Sweep, varies: frozenset[str] = frozenset(), same: tuple[str, ...] = ()) -> None:
+    """An `InputError` that names the file and the key for the first run that differs from those before it.
+
+    varies: keys that this sweep changes on purpose, such as `protocol.gap_ratio` or `site`. same: settings that must agree beside those
+    that always must. Runs of which nothing was scored give no row, so that nothing is asked of them.
+    """
+    first: dict[str, tuple[object, Run]] = {}
+    for run in sweep.scored:
+        for key, value in _facts(run, same):
+            known, of = first.setdefault(key, (value, run))
+            if known != value and key not in varies:
+                raise InputError(f"{run.path}: {key}: {_short(value)}, but {_short(known)} in {of.path}; they can't stand in one table")
+
+
+def _facts(run: Run, same: tuple[str, ...]) -> Iterator[tuple[str, object]]:
+    result = run.result
+    if OWN not in run.about["packages"]:
+        raise InputError(f"{run.path}: packages.{OWN}: missing")
+    yield f"packages.{OWN}", run.about["packages"][OWN]
+    yield "dimension", result.dimension
+    yield "resolution_m", run.config("resolution_m")
+    if run.name == run.job:
+        yield SITE, result.site
+    for key, value in result.protocol.items():
+        yield f"protocol.{key}", value
+    # A key that a protocol lacks is a difference too.
+    yield "protocol", sorted(result.protocol)
+    yield "gap_seeds", result.gap_seeds
+    yield "gap_diameter_m", result.gap_diameter_m
+    for name, digest in run.about.get("data", {}).items():
+        if name not in NO_SITE:
+            yield f"data.{name}", digest
+    for key in same:
+        yield f"config.{key}", run.config(key)
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def origin_notes(runs: Sequence[Made]) -> list[str]:
+    """What made the rows: version and commits, trees that were dirty, packages and machines that differ."""
+    if not runs:
+        return []
+    versions = sorted({run.about["packages"][OWN] for run in runs})
+    commits = sorted({(run.about.get("git") or {}).get("commit", "unknown")[:12] for run in runs})
+    lines = [f"- hilbertvae {', '.join(versions)}, commit{'s' if len(commits) > 1 else ''} {', '.join(commits)}"]
+    dirty = [run.name for run in runs if is_unclean(run)]
+    if dirty:
+        lines.append(f"- {UNCLEAN}, so that no commit says what ran: {', '.join(dirty)}")
+    packages: dict[str, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
+    for name in sorted({name for run in runs for name in run.about["packages"]} - {OWN}):
+        for run in runs:
+            packages[name][run.about["packages"].get(name, "none")].append(run.name)
+    for name, versions in packages.items():
+        if len(versions) > 1:
+            lines.append(f"- {name} differs: " + "; ".join(f"{version} in {_names(runs)}" for version, runs in sorted(versions.items())))
+    hosts = sorted({_host(run) for run in runs if run.about.get("host")})
+    if hosts:
+        also = "" if len(hosts) == 1 else "; seconds of different machines can't be compared"
+        lines.append(f"- measured on {'; '.join(hosts)}{also}")
+    return lines
+
+
+def is_unclean(run: Made) -> bool:
+    """Whether the run's code was changed after its commit."""
+    return bool((run.about.get("git") or {}).get("dirty"))
+
+
+def _host(run: Made) -> str:
+    host = run.about["host"]
+    threads = host.get("threads", "?")
+    return f"{host.get('cpu', 'an unknown processor')}, {threads} thread{'' if threads == 1 else 's'}"
+
+
+def _names(names: list[str]) -> str:
+    return ", ".join(names) if len(names) <= 3 else f"{names[0]} and {len(names) - 1} more"

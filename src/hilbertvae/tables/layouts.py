@@ -1,0 +1,72 @@
+"""Which table each kind of sweep becomes, and what may differ between its rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from hilbertvae.checks import InputError
+from hilbertvae.tables import gap_size, generalise, recipes
+from hilbertvae.tables.ablation import ablation_page
+from hilbertvae.tables.alike import check_alike, origin_notes
+from hilbertvae.tables.clustering import read_starts
+from hilbertvae.tables.gap_size import gap_size_page
+from hilbertvae.tables.generalise import generalise_page
+from hilbertvae.tables.latent import latent_page
+from hilbertvae.tables.methods import methods_page
+from hilbertvae.tables.page import Page
+from hilbertvae.tables.recipes import recipes_page
+from hilbertvae.tables.starts import starts_page
+from hilbertvae.tables.sweep import Sweep, read_kind, read_sweep
+from hilbertvae.tables.tradeoff import tradeoff_page
+
+
+@dataclass(frozen=True)
+class Layout:
+    """page: makes the tables of checked runs. varies, same: see `check_alike`."""
+
+    page: Callable[[Sweep], Page]
+    varies: frozenset[str] = frozenset()
+    same: tuple[str, ...] = ()
+
+    def read(self, folder: Path, kind: str) -> Page:
+        sweep = read_sweep(folder, kind)
+        check_alike(sweep, self.varies, self.same)
+        return finished(self.page(sweep), kind, sweep.size, sweep.troubles(), origin_notes(sweep.scored))
+
+
+class StartsLayout:
+    """Fig. 2 scores no map: its jobs leave another kind of file."""
+
+    def read(self, folder: Path, kind: str) -> Page:
+        study = read_starts(folder, kind)
+        return finished(starts_page(study), kind, study.size, study.troubles(), origin_notes(study.measured))
+
+
+LAYOUTS: dict[str, Layout | StartsLayout] = {
+    "table1": Layout(methods_page),
+    "table2": Layout(methods_page),
+    "fig2": StartsLayout(),
+    "fig6": Layout(latent_page),
+    "fig7": Layout(gap_size_page, varies=gap_size.VARIES),
+    "tradeoff": Layout(tradeoff_page),
+    "ablation": Layout(ablation_page),
+    "generalise": Layout(generalise_page, varies=generalise.VARIES),
+    "recipes": Layout(recipes_page, same=recipes.SAME),
+}
+
+
+def read_page(folder: Path, kind: str | None = None) -> Page:
+    """The tables and the figure of a sweep's folder; an `InputError` for what can't be read or can't stand in one table."""
+    kind, *_ = read_kind(folder, kind)
+    if kind not in LAYOUTS:
+        raise InputError(f"{folder / 'sweep.json'}: sweep: expected one of {', '.join(LAYOUTS)}, got {kind!r}")
+    return LAYOUTS[kind].read(folder, kind)
+
+
+def finished(page: Page, kind: str, size: str | None, troubles: list[str], origin: list[str]) -> Page:
+    """The page with what is the same for all kinds: its name and size, what is missing, and what made the rows."""
+    title = f"{page.title} ({kind}{f', size {size}' if size else ''})"
+    lists = [f"{heading}\n\n" + "\n".join(lines) for heading, lines in (("Not there:", troubles), ("Made by:", origin)) if lines]
+    return replace(page, title=title, notes=[*page.notes, *lists])

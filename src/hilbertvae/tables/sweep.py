@@ -1,0 +1,216 @@
+"""A sweep's folder as it lies on disk: `sweep.json`, and `result.json` files of its jobs. Nothing else is read.
+
+FOLDER/sweep.json                   {"sweep": "table1", "size": "quick", "jobs": ["cvae-hm-seed0", ...]}
+FOLDER/<job>/result.json            what a job found on its first test site
+FOLDER/<job>/<site>/result.json     and on any further one
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Hashable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from hilbertvae.checks import InputError
+from hilbertvae.reports.comparison import CHAMPIONS
+from hilbertvae.reports.result_json import read_result
+from hilbertvae.scoring.result import Result
+
+SIZES = ("quick", "full")
+JOB = re.compile(r"(?P<case>.+)-seed(?P<seed>\d+)")
+"""A job's folder, which tells its case where no configuration does."""
+UNCLEAN = "uncommitted tree"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One result file. name: its folder below the sweep's. job: the first part of that."""
+
+    name: str
+    case: str
+    seed: int
+    path: Path
+    result: Result
+    about: dict
+
+    @property
+    def job(self) -> str:
+        return self.name.split("/")[0]
+
+    def config(self, key: str, default: Any = None) -> Any:
+        """A setting by its dotted key; `default` where it is not there."""
+        return _below(self.about["config"], key, default)
+
+    def setting(self, key: str) -> Any:
+        """A setting that this kind of sweep can't do without; an `InputError` that names it where it is not there."""
+        found = self.config(key)
+        if found is None:
+            raise InputError(f"{self.path}: config.{key}: missing, and the rows of this table are named after it")
+        return found
+
+    def scores(self, mapper: str, reading: str, region: str, metric: str) -> list[float]:
+        """One number per gap seed; none where it was not scored."""
+        return self.result.scores.get(mapper, {}).get(reading, {}).get(region, {}).get(metric, [])
+
+    def seconds(self, mapper: str, stage: str) -> list[float]:
+        """`fit` in seconds, `query_per_million` in seconds per million queries."""
+        return self.result.seconds.get(mapper, {}).get(stage, [])
+
+    def stage_seconds(self, stage: str) -> list[float]:
+        """Seconds of a stage of the run: `train`, `grids`, ..."""
+        found = self.about.get("stage_seconds", {}).get(stage)
+        return [] if found is None else [float(found)]
+
+    def failures(self) -> list[str]:
+        """Notes on mappers that failed while others were scored."""
+        return [f"{mapper} failed in {self.name}: {' '.join(message.split())}" for mapper, message in self.result.failed.items()]
+
+    def map(self, mapper: str, what: str) -> list[float]:
+        """`clusters` of a fitted map, or its size in `bytes`."""
+        maps = getattr(self.result, "maps", None) or self.about.get("maps", {})
+        return [float(number) for number in maps.get(mapper, {}).get(what, [])]
+
+    def champion(self, reading: str) -> str | None:
+        """The row of the run's network that is calibrated for a reading, else any of its network's."""
+        names = dict.fromkeys((*CHAMPIONS[reading], *(name for names in CHAMPIONS.values() for name in names)))
+        return next((name for name in names if name in self.result.scores), None)
+
+    @property
+    def scored(self) -> bool:
+        return bool(self.result.scores)
+
+
+@dataclass
+class Sweep:
+    """All runs of a sweep. missing: jobs without a result. strangers: folders with results that are none of its jobs."""
+
+    kind: str
+    size: str | None
+    runs: list[Run]
+    missing: list[str] = field(default_factory=list)
+    strangers: list[str] = field(default_factory=list)
+
+    @property
+    def scored(self) -> list[Run]:
+        return [run for run in self.runs if run.scored]
+
+    def by_site(self) -> list[tuple[str, list[Run]]]:
+        """Runs that were scored by test site; one site without a name where none was."""
+        return [(site, [run for run in self.scored if run.result.site == site]) for site in self.sites()] or [("", [])]
+
+    def sites(self) -> list[str]:
+        """Names of test sites, that of the jobs' first ones before any other."""
+        first = [run.result.site for run in self.scored if run.name == run.job]
+        return list(dict.fromkeys([*first, *sorted(run.result.site for run in self.scored)]))
+
+    def absent(self) -> dict[str, str]:
+        """Cases of which no run was scored, with `missing` or `failed`."""
+        there = {run.case for run in self.scored}
+        found = {case_of(job): "missing" for job in self.missing} | {run.case: "failed" for run in self.runs if not run.scored}
+        return {case: status for case, status in found.items() if case not in there}
+
+    def gone(self, case: str) -> list[str]:
+        """Notes on the jobs of a case that left no scores."""
+        failed = [f"failed: {run.name}" for run in self.runs if not run.scored and run.case == case]
+        return [f"missing: {job}" for job in self.missing if case_of(job) == case] + failed
+
+    def troubles(self) -> list[str]:
+        """A line for each job without a result, for all that failed, and for folders that were left out."""
+        lines = [f"- missing: {job} has no result.json" for job in self.missing]
+        for run in self.runs:
+            lines += [f"- failed: {run.name}, {what}: {' '.join(message.split())}" for what, message in run.result.failed.items()]
+        return lines + [f"- left out: {name}, which is no job of this sweep" for name in self.strangers]
+
+
+def case_of(job: str) -> str:
+    """The case that a job's folder is named after."""
+    match = JOB.fullmatch(job)
+    return match["case"] if match else job
+
+
+def read_kind(folder: Path, kind: str | None) -> tuple[str, str | None, list[str] | None]:
+    """(kind, size, jobs) of a folder; size and jobs are None for one that was made by hand, which `kind` has to be given for."""
+    path = folder / "sweep.json"
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder")
+    if not path.exists():
+        if kind is None:
+            raise InputError(f"{path}: not there; say which sweep this is with --sweep")
+        return kind, None, None
+    content = read_json(path)
+    for key, expected in (("sweep", str), ("size", str), ("jobs", list)):
+        if not isinstance(content.get(key), expected):
+            raise InputError(f"{path}: {key}: expected {'text' if expected is str else 'a list of names'}, got {content.get(key)!r:.60}")
+    if content["size"] not in SIZES:
+        raise InputError(f"{path}: size: expected {' or '.join(SIZES)}, got {content['size']!r}")
+    if not all(isinstance(job, str) and job for job in content["jobs"]):
+        raise InputError(f"{path}: jobs: expected names of folders, got {content['jobs']!r:.60}")
+    if kind not in (None, content["sweep"]):
+        raise InputError(f"{path}: sweep: expected {kind}, as --sweep says, got {content['sweep']}")
+    return content["sweep"], content["size"], content["jobs"]
+
+
+def read_json(path: Path) -> dict:
+    """An object in a JSON file; an `InputError` that names the file otherwise."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: can't be read, or is damaged ({error})") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: expected an object, got {content!r:.60}")
+    return content
+
+
+def read_sweep(folder: Path, kind: str | None = None) -> Sweep:
+    """Every run below a folder; an `InputError` that names the file and the key for one that can't be read, or if there is none."""
+    kind, size, jobs = read_kind(folder, kind)
+    paths = sorted([*folder.glob("*/result.json"), *folder.glob("*/*/result.json")])
+    runs, strangers = [], []
+    for path in paths:
+        name = path.parent.relative_to(folder).as_posix()
+        if jobs is not None and name.split("/")[0] not in jobs:
+            strangers.append(name)
+        else:
+            runs.append(_run(path, name))
+    if not runs:
+        raise InputError(f"{folder}: expected <job>/result.json, found none")
+    missing = sorted(set(jobs or ()) - {run.name for run in runs})
+    return Sweep(kind, size, runs, missing, strangers)
+
+
+def _run(path: Path, name: str) -> Run:
+    result, about = read_result(path)
+    for key in ("config", "packages"):
+        if not isinstance(about.get(key), dict):
+            raise InputError(f"{path}: {key}: expected an object, got {about.get(key)!r:.60}")
+    match = JOB.fullmatch(name.split("/")[0])
+    case = about["config"].get("case") or case_of(name.split("/")[0])
+    seed = about["config"].get("seed", int(match["seed"]) if match else None)
+    if result.scores:  # of a job that broke, settings may never have been found
+        if not isinstance(case, str):
+            raise InputError(f"{path}: config.case: expected text, got {case!r:.60}")
+        if not isinstance(seed, int) or isinstance(seed, bool):
+            raise InputError(f"{path}: config.seed: expected a whole number, got {seed!r:.60}")
+    return Run(name, str(case), seed, path, result, about)
+
+
+def _below(node: Any, key: str, default: Any) -> Any:
+    for part in key.split("."):
+        if not isinstance(node, dict) or part not in node:
+            return default
+        node = node[part]
+    return node
+
+
+def grouped(runs: Iterable[Run], key: Callable[[Run], Hashable]) -> dict[Any, dict[int, Run]]:
+    """Runs by what their row is about, and in there by training seed; an `InputError` for two that would be the same cell."""
+    groups: dict[Any, dict[int, Run]] = {}
+    for run in runs:
+        group = groups.setdefault(key(run), {})
+        if run.seed in group:
+            raise InputError(f"{run.path}: config.seed: {run.seed} of the same row is also in {group[run.seed].path}")
+        group[run.seed] = run
+    return groups

@@ -1,0 +1,28 @@
+"""A sweep's tables and figure as files."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from hilbertvae.files import atomic
+from hilbertvae.reports.canvas import save_picture
+from hilbertvae.tables.layouts import read_page
+
+
+def write_tables(folder: str | os.PathLike, output: str | os.PathLike | None = None, kind: str | None = None) -> str:
+    """Write `table.md`, `table.csv` (a line per row) and `figure.png` of the sweep in `folder` into `output`, or into `folder` itself.
+
+    Tables of other rows than the first one's go into `table-<name>.csv`. kind: the sweep's name, for a folder without `sweep.json`.
+    Returns the Markdown. Raises `InputError`, before anything is written, for results that can't be read or can't stand in one table.
+    """
+    folder = Path(folder)
+    output = Path(output) if output is not None else folder
+    page = read_page(folder, kind)
+    figure = page.figure()
+    texts = {"table.md": page.markdown(), **page.csv_files()}
+    for name, content in texts.items():
+        with atomic(output / name) as temporary:
+            temporary.write_text(content, encoding="utf-8", newline="")
+    save_picture(figure, output / "figure.png")
+    return texts["table.md"]

@@ -1,0 +1,70 @@
+"""Runs that can't stand in one table, and what is noted of those that can."""
+
+import pytest
+
+from hilbertvae.checks import InputError
+from hilbertvae.tables.alike import check_alike, origin_notes
+from hilbertvae.tables.sweep import read_sweep
+from toy_sweeps import change, put, put_failed
+
+
+def two(folder, how):
+    put(folder, "a-seed0", {"nearest": [0.1, 0.2]})
+    change(put(folder, "b-seed0", {"nearest": [0.1, 0.2]}), how)
+    return read_sweep(folder, "table1")
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        (lambda c: c["packages"].update(hilbertvae="0.2.0"), "packages.hilbertvae: '0.2.0', but '0.1.0' in "),
+        (lambda c: c["protocol"].update(gap_ratio=0.25), "protocol.gap_ratio: 0.25, but 0.5 in "),
+        (lambda c: c["protocol"].update(bends=True), "protocol: ['bends', "),
+        (lambda c: c.update(gap_seeds=[4, 5]), "gap_seeds: [4, 5], but [0, 1] in "),
+        (lambda c: c.update(gap_diameter_m=1.0), "gap_diameter_m: 1.0, but 2.5 in "),
+        (lambda c: c.update(site="stairs"), "site: 'stairs', but 'hall' in "),
+        (lambda c: c.update(dimension=3), "dimension: 3, but 2 in "),
+        (lambda c: c["data"].update(hall="ffff"), "data.hall: 'ffff', but '00ff' in "),
+        (lambda c: c["config"].update(resolution_m=0.2), "resolution_m: 0.2, but 0.1 in "),
+    ],
+)
+def test_refused(tmp_path, how, message):
+    sweep = two(tmp_path, how)
+    with pytest.raises(InputError) as error:
+        check_alike(sweep)
+    text = str(error.value)
+    assert text.startswith(f"{tmp_path / 'b-seed0' / 'result.json'}: {message}") and "\n" not in text and str(tmp_path / "a-seed0") in text
+
+
+def test_what_a_sweep_varies_may_differ_and_what_it_needs_equal_may_not(tmp_path):
+    sweep = two(tmp_path, lambda c: (c["protocol"].update(gap_ratio=0.25), c["config"]["grid"].update(cells=8)))
+    check_alike(sweep, varies=frozenset({"protocol.gap_ratio"}))
+    with pytest.raises(InputError, match="config.grid.cells: 8, but 32"):
+        check_alike(sweep, varies=frozenset({"protocol.gap_ratio"}), same=("grid.cells",))
+
+
+def test_other_data_and_networks_beside_the_same_sites_and_a_broken_job_are_fine(tmp_path):
+    two(tmp_path, lambda c: c["data"].update(other="1234", checkpoint="5678"))
+    put(tmp_path, "c-seed0", {"nearest": [0.1, 0.2]}, about={"data": {"checkpoint": "9999"}})
+    put_failed(tmp_path, "d-seed0")
+    put(tmp_path, "a-seed0/annex", {"nearest": [0.1, 0.2]}, site="annex")
+    check_alike(read_sweep(tmp_path, "table1"))
+
+
+def test_notes(tmp_path):
+    def how(content):
+        content["git"] = {"commit": "b" * 40, "dirty": True}
+        content["packages"]["numpy"] = "2.1"
+        content["host"]["threads"] = 8
+
+    text = "\n".join(origin_notes(two(tmp_path, how).runs))
+    assert f"- hilbertvae 0.1.0, commits {'a' * 12}, {'b' * 12}" in text
+    assert "- uncommitted tree, so that no commit says what ran: b-seed0" in text
+    assert "- numpy differs: 2.0 in a-seed0; 2.1 in b-seed0" in text
+    assert "an abacus, 1 thread; an abacus, 8 threads; seconds of different machines can't be compared" in text
+    assert origin_notes([]) == []
+
+
+def test_an_installed_copy_has_no_commit(tmp_path):
+    text = "\n".join(origin_notes(two(tmp_path, lambda c: c.update(git=None)).runs))
+    assert f"commits {'a' * 12}, unknown" in text and "uncommitted" not in text
