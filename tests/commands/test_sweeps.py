@@ -6,11 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import product
 from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_dir
 
+from hilbertvae.clusters.starts import STARTS
+from hilbertvae.commands.table import main as table
 from hilbertvae.commands.train import CONF, SWEEPS, run, to_settings
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.training.train import kept_name
@@ -32,10 +35,12 @@ def size_of(case: str) -> str:
     return "full" if case.endswith("-full") else "quick"
 
 
-def narrow(case: str) -> list[str]:
+def narrow(sweep: str, case: str) -> list[str]:
     """What is large is for a GPU; a CPU sees that it runs."""
-    widths = {"cvae-hm-full": "[16,32]", "cvae-hm-paper-full": "[4,8,8,8]"}
-    return [f"network.channels={width}" for name, width in widths.items() if case.removeprefix("cae").removeprefix("cvae") in name[3:]]
+    if not case.endswith("-full") or case.startswith("baselines"):
+        return []
+    levels = 2 if (sweep, "paper" in case) == ("table2", False) else 4
+    return [f"network.channels={[8] * levels}"]
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +53,7 @@ def shared(tmp_path_factory) -> list[str]:
 class TestEveryYaml:
     @pytest.mark.parametrize(("sweep", "case"), CASES)
     def test_case_runs(self, sweep, case, tmp_path, shared):
-        width = narrow(case) if not (sweep == "table1" and case in ("cvae-hm-full", "cae-hm-full")) else ["network.channels=[8,8,8,8]"]
-        chosen = [f"sweep={sweep}", f"cases/{sweep}={case}", f"size={size_of(case)}", "debug=fast", *width, "evaluation.occlusion=false"]
+        chosen = [f"sweep={sweep}", f"cases/{sweep}={case}", f"size={size_of(case)}", "debug=fast", *narrow(sweep, case), "evaluation.occlusion=false"]
         settings = settings_of(*chosen, f"output={tmp_path / 'run'}", *shared)
         assert run(settings) == 0
         _, about = read_result(tmp_path / "run/result.json")
@@ -67,15 +71,14 @@ class TestEveryYaml:
         for sweep in NAMES:
             for overrides in jobs_of(sweep):
                 settings = settings_of(f"sweep={sweep}", *overrides)
-                if any(mapper.get("reconstructor") == "trained" for mapper in settings.mapper.values()):
+                networks = [mapper.get("reconstructor") for mapper in settings.mapper.values()]
+                if settings.task == "maps" and "trained" in networks:
                     names.add(kept_name(settings))
         assert 20 <= len(names) <= 30
 
 
 def jobs_of(sweep: str) -> list[list[str]]:
     """The overrides of each job of a sweep in its quick size, from its own parameters."""
-    from itertools import product
-
     with initialize_config_dir(str(CONF), version_base="1.3"):
         config = compose("config", overrides=[f"sweep={sweep}"], return_hydra_config=True)
     parameters = {key: str(value).replace("${size}", "quick").split(",") for key, value in config.hydra.sweeper.params.items()}
@@ -89,6 +92,25 @@ def multirun(folder: Path, *overrides: str, **options) -> subprocess.CompletedPr
 
 def environment() -> dict[str, str]:
     return {**os.environ, "OMP_NUM_THREADS": "1"}
+
+
+def test_starts_of_a_clustering_are_compared_and_tabled(tmp_path):
+    """Figure 2 trains nothing: its jobs leave files of another kind."""
+    command = [*TRAIN, "-m", "+sweep=fig2", "debug=fast", "study.cloud=uniform"]
+    for _ in range(2):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=environment())
+        assert done.returncode == 0 and "5 of 5 jobs have results" in done.stdout, done.stderr
+    assert done.stdout.count("finished before") == 5
+    folder = tmp_path / "outputs/debug/fig2-quick"
+    assert {path.parent.name for path in folder.glob("*/clustering.json")} == {f"{start}-seed0" for start in STARTS}
+    assert table([str(folder)]) == 0
+    assert "| k-means++ | 400 |" in (folder / "table.md").read_text()
+
+
+def test_a_study_that_breaks_leaves_word(tmp_path):
+    command = [*TRAIN, "-m", "+sweep=fig2", "debug=fast", "start=random", "study.sizes=[10000000]"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=environment())
+    assert done.returncode == 1 and "FAILED random-seed0: InputError: sizes" in done.stdout
 
 
 class TestASweepSurvives:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import json
 import sys
 import time
 from pathlib import Path
@@ -16,6 +17,7 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
 from hilbertvae.checks import InputError
+from hilbertvae.commands.clustering_study import FILE as CLUSTERING
 from hilbertvae.files import write_json
 from hilbertvae.reports.result_json import read_result
 
@@ -23,7 +25,7 @@ SWEEP = "sweep.json"
 
 
 class SweepProgress(Callback):
-    """Writes `sweep.json` beside the folders of the jobs: the sweep, its size, and all jobs by name, so that a table can name missing ones."""
+    """Writes `sweep.json` beside the jobs' folders: the sweep, its size, and all jobs, so that a table can name those that are missing."""
 
     def __init__(self):
         self.since = time.perf_counter()
@@ -75,6 +77,8 @@ def job_folders(config: DictConfig) -> list[str]:
 
 def what_failed(folder: Path) -> str | None:
     """What the result in a job's folder says of a failure; None for one that is well."""
+    if (folder / CLUSTERING).exists():
+        return "; ".join(json.loads((folder / CLUSTERING).read_text(encoding="utf-8"))["failed"].values()) or None
     try:
         result, _ = read_result(folder / "result.json")
     except InputError as error:

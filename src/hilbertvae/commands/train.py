@@ -17,6 +17,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.commands.build import build_mappers
+from hilbertvae.commands.clustering_study import run_clustering, write_clustering_failure
 from hilbertvae.commands.gpus import give_gpus
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
@@ -104,7 +105,7 @@ def _application(config: DictConfig) -> None:
         settings.output = output
         if many and "joblib" in job.launcher._target_:
             give_gpus(job.job.num, settings.trainer.devices)
-        code = run(settings, again=not many)
+        code = (run_clustering if settings.task == "clustering" else run)(settings, again=not many)
     except KeyboardInterrupt as error:
         if many:
             raise
@@ -112,7 +113,8 @@ def _application(config: DictConfig) -> None:
         sys.exit(130)
     except Exception as error:
         if many or not isinstance(error, InputError):  # a wrong setting of a single run is told at once, and leaves nothing
-            write_failure(output, OmegaConf.to_container(config, resolve=True, throw_on_missing=False), error)
+            write = write_clustering_failure if config.task == "clustering" else write_failure
+            write(output, OmegaConf.to_container(config, resolve=True, throw_on_missing=False), error)
             raise
         print(f"hilbertvae-train: {error}", file=sys.stderr)
         sys.exit(2)

@@ -8,6 +8,7 @@ from typing import Any
 
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import RESOLUTION_M
+from hilbertvae.clusters.comparison import StudySettings
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.training_grids import ClusteringSettings
 from hilbertvae.reconstruction.augmentation import AugmentationSettings
@@ -19,6 +20,7 @@ from hilbertvae.simulate.building import BuildingSettings
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.site import SIMULATED, SiteSource, site_name
 
+TASKS = ("maps", "clustering")
 PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "64-true")
 
 
@@ -82,6 +84,8 @@ class Settings:
     """One run of `hilbertvae-train`."""
 
     name: str = "run"
+    task: str = "maps"
+    """`maps`: train if need be, and score maps; `clustering`: compare ways to start a clustering (Fig. 2), without any map."""
     case: str = ""
     """Which row of a sweep's table this run is."""
     size: str = ""
@@ -103,6 +107,8 @@ class Settings:
     """Diameter of the gaps on the validation site that the best weights are chosen with, and the Hilbert Map's are learned from."""
     calibration_seeds: list[int] = field(default_factory=lambda: [100, 101, 102, 103, 104])
     """Gap seeds on the validation site that the Hilbert Map's `rank` weights are learned from; not those that it is scored on."""
+    study: StudySettings = field(default_factory=StudySettings)
+    """Of the task `clustering`: what `grid.start` is tried on."""
     mapper: dict[str, Any] = field(default_factory=dict)
     """What is scored: by name, `_target_` and settings of an estimator."""
     scoring_processes: int = 1
@@ -133,7 +139,10 @@ class Settings:
         if self.dimension not in (2, 3):
             raise InputError(f"dimension: expected 2 or 3, got {self.dimension}")
         check_positive(self.resolution_m, "resolution_m")
+        if self.task not in TASKS:
+            raise InputError(f"task: expected one of {', '.join(TASKS)}, got {self.task!r}")
         self.grid.check()
+        self.study.check()
         self.evaluation.check()
         if not self.data.train and not self.data.simulated:
             raise InputError("data.train: expected at least one site, or data.simulated buildings, got neither")

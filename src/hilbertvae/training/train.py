@@ -27,6 +27,10 @@ from hilbertvae.training.reconstruction_module import ReconstructionModule
 from hilbertvae.training.scoring import Writer, score
 from hilbertvae.training.settings import Settings
 
+AFTERWARDS = (
+    "name", "task", "case", "size", "output", "study", "mapper", "evaluation", "pictures", "checkpoint", "trained", "scoring_processes",
+)  # fmt: skip
+"""Keys of what is done with a trained network, or where."""
 BEST = {"monitor": "val/gap_nll", "mode": "min"}
 
 
@@ -44,7 +48,7 @@ def training_hash(settings: Settings) -> str:
     source = settings.source()
     paths = [site for site in (*settings.data.train, settings.data.validate) if is_scan_path(site) and Path(site).exists()]
     made_of["contents"] = [source.made_of(site) for site in paths]  # the same path may hold other scans when a run goes on
-    for key in ("name", "case", "size", "output", "mapper", "evaluation", "pictures", "checkpoint", "trained", "scoring_processes"):
+    for key in AFTERWARDS:
         made_of.pop(key)
     for key in ("folder", "download", "cache", "test"):
         made_of["data"].pop(key)

@@ -1,0 +1,55 @@
+"""The task `clustering`: one way to start a clustering, timed and compared (the paper's Fig. 2), as `clustering.json`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.progress import Progress
+
+import hilbertvae
+from hilbertvae.clusters.comparison import study
+from hilbertvae.files import write_json
+from hilbertvae.reports.provenance import provenance
+from hilbertvae.reports.run_state import RUN
+from hilbertvae.training.settings import Settings
+
+FILE = "clustering.json"
+SCHEMA_VERSION = 1
+
+
+def run_clustering(settings: Settings, again: bool = True) -> int:
+    """Try `grid.start` as `study` says, on returns of the first test site where it asks for them; the exit code."""
+    path = Path(settings.output) / FILE
+    returns, tested = None, None
+    if settings.study.cloud == "returns":
+        site, source = settings.data.test[0], settings.source()
+        source.check(site)
+        tested = source.made_of(site)
+        returns = source.scans(site).points
+    identity = {"version": hilbertvae.__version__, "start": settings.grid.start, "study": asdict(settings.study), "site": tested}
+    about = provenance(asdict(settings), identity=identity, seeds={"clouds": settings.study.seeds})
+    if not again and _is_finished(path, about["config_hash"]):
+        print(f"{settings.output}: finished before")
+        return 0
+    with Progress() as progress:
+        bar = progress.add_task(f"{settings.grid.start}", total=None)
+        rows = study(settings.grid.start, settings.study, returns, lambda done, of: progress.update(bar, completed=done, total=of))
+    write_json(path, {"schema_version": SCHEMA_VERSION, "status": "ok", "failed": {}, "rows": rows, **about})
+    print(f"Results: {path}")
+    return 0
+
+
+def write_clustering_failure(folder: str | Path, config: dict, error: BaseException) -> None:
+    """`clustering.json` with status `failed`, for a study that broke."""
+    why = {RUN: f"{type(error).__name__}: {error}"}
+    write_json(Path(folder) / FILE, {"schema_version": SCHEMA_VERSION, "status": "failed", "failed": why, "rows": [], **provenance(config)})
+
+
+def _is_finished(path: Path, config_hash: str) -> bool:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(found, dict) and found.get("status") == "ok" and found.get("config_hash") == config_hash
