@@ -31,16 +31,17 @@ def settings_of(*overrides: str):
         return to_settings(compose("config", overrides=list(overrides)))
 
 
-def size_of(case: str) -> str:
-    return "full" if case.endswith("-full") else "quick"
+def size_of(sweep: str, case: str) -> str:
+    return "full" if sweep.startswith("table") and case.endswith("-full") else "quick"
 
 
 def narrow(sweep: str, case: str) -> list[str]:
     """What is large is for a GPU; a CPU sees that it runs."""
-    if not case.endswith("-full") or case.startswith("baselines"):
+    if size_of(sweep, case) == "quick":
         return []
-    levels = 2 if (sweep, "paper" in case) == ("table2", False) else 4
-    return [f"network.channels={[8] * levels}"]
+    if "paper" in case:
+        return ["network.channels=[4,8,8,8]", "network.kernels=[3,3,3,3]", "grid.cells=16"]
+    return [f"network.channels={[8] * (4 if sweep == 'table1' else 2)}"]
 
 
 @pytest.fixture(scope="module")
@@ -53,8 +54,8 @@ def shared(tmp_path_factory) -> list[str]:
 class TestEveryYaml:
     @pytest.mark.parametrize(("sweep", "case"), CASES)
     def test_case_runs(self, sweep, case, tmp_path, shared):
-        chosen = [f"sweep={sweep}", f"cases/{sweep}={case}", f"size={size_of(case)}", "debug=fast", *narrow(sweep, case), "evaluation.occlusion=false"]
-        settings = settings_of(*chosen, f"output={tmp_path / 'run'}", *shared)
+        chosen = [f"sweep={sweep}", f"cases/{sweep}={case}", f"size={size_of(sweep, case)}", "debug=fast", *narrow(sweep, case)]
+        settings = settings_of(*chosen, "evaluation.occlusion=false", f"output={tmp_path / 'run'}", *shared)
         assert run(settings) == 0
         _, about = read_result(tmp_path / "run/result.json")
         assert about["config"]["case"] == settings.case != ""
