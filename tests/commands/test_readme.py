@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 
+from hilbertvae.commands.table import main as table
 from hilbertvae.commands.train import CONF, run, to_settings
 from toy_rooms import square_room
 
@@ -43,6 +44,12 @@ def test_command(command, tmp_path, checkpoint):
     if "--cfg" in words:
         done = subprocess.run([sys.executable, "-m", "hilbertvae.train", *words], capture_output=True, text=True, check=True)
         assert "cluster_diameter_m" in done.stdout
+        return
+    if "-m" in words:
+        command = [sys.executable, "-m", "hilbertvae.train", *words, "debug=fast", "trainer.threads=1"]
+        subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+        (made,) = (tmp_path / "outputs/debug").iterdir()
+        assert table([str(made)]) == 0 and (made / "table.md").is_file()
         return
     found = run_fast(tmp_path, *(word for word in words if word != "debug=fast"), "mapper=[cvae-hm,nearest]")
     assert (found / "result.json").is_file()
