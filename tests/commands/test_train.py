@@ -90,6 +90,12 @@ class TestEveryConfiguration:
         assert pictures >= {"map", "gaps", "slices", "pipeline", "sites", "prior", "precision_recall", "reliability"}
         assert "paper" in (tmp_path / "run/scores.md").read_text()
 
+    def test_baselines_without_a_network_are_scored_in_three_dimensions(self, tmp_path):
+        choice = ["mapper=[gpom,hm-fourier,hm-nystroem]", "pictures=false", "evaluation.occlusion=false"]
+        assert run(fast(tmp_path, "experiment=streets", *choice)) == 0
+        found, _ = read_result(tmp_path / "run/result.json")
+        assert found.dimension == 3 and set(found.scores) == {"gpom", "hm-fourier", "hm-nystroem"} and not found.failed
+
     def test_mappers_side_by_side_have_the_scores_that_they_have_one_by_one(self, tmp_path):
         found = []
         for processes in (1, 2):

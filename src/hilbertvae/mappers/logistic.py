@@ -1,4 +1,4 @@
-"""Logistic regression on sparse features by stochastic gradient descent: what HM and LARD-HM share (Eq. 14 to 16).
+"""Logistic regression by stochastic gradient descent: what HM, on any features, and LARD-HM share (Eq. 14 to 16).
 
 With the misprints of Eq. 14 and 15 mended (METHOD 5), p(y = +1 | x) = 1 / (1 + exp(-(w . Phi(x) + b))), and what is made small is the
 weighted mean of log(1 + exp(-y (w . Phi + b))) plus the elastic net R(w) = penalty (l1_share |w|_1 + (1 - l1_share) / 2 |w|^2).
@@ -7,9 +7,9 @@ weighted mean of log(1 + exp(-y (w . Phi + b))) plus the elastic net R(w) = pena
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
-from scipy.sparse import csr_array
 from scipy.special import expit
 from sklearn.utils.validation import check_is_fitted
 
@@ -21,8 +21,17 @@ INTERCEPT_PACE = 0.01
 full pace it ends at +3.8 for HM on csail (+19 without a penalty), and gaps fill with walls. scikit-learn does so on sparse data."""
 
 
+class FeatureMatrix(Protocol):
+    """(N, M) features: a sparse matrix, or what makes rows of one when they are asked for."""
+
+    shape: tuple[int, int]
+
+    def __getitem__(self, rows: np.ndarray) -> Any:
+        """(B, M) the features of `rows (B,)`: what has `@`, `.T` and a `dtype`."""
+
+
 def fit_logistic(
-    features: csr_array,
+    features: FeatureMatrix,
     occupied: np.ndarray,
     weight: np.ndarray,
     *,
@@ -54,8 +63,8 @@ def fit_logistic(
         for start in range(0, count, batch_size):
             rows = order[start : start + batch_size]
             batch = features[rows]
-            residual = weight[rows] * (expit(batch @ value[:-1] + value[-1]) - target[rows]) / len(rows)
-            gradient[:-1] = batch.T @ residual
+            residual = weight[rows] * (expit(batch @ value[:-1].astype(batch.dtype) + value[-1]) - target[rows]) / len(rows)
+            gradient[:-1] = batch.T @ residual.astype(batch.dtype)
             gradient[-1] = residual.sum()
             squared += gradient * gradient
             pace = rate / np.sqrt(np.maximum(squared, np.finfo(float).tiny))
@@ -96,7 +105,7 @@ class LogisticMapper(Mapper):
     penalty = 0.0
     l1_share = 0.0
 
-    def _feature_map(self, points: np.ndarray, occupied: np.ndarray, weight: np.ndarray) -> Callable[[np.ndarray], csr_array]:
+    def _feature_map(self, points: np.ndarray, occupied: np.ndarray, weight: np.ndarray) -> Callable[[np.ndarray], Any]:
         """From the fit points, a function of points (Q, D) to features (Q, M), each row a function of its own point alone."""
         raise NotImplementedError
 
@@ -104,7 +113,7 @@ class LogisticMapper(Mapper):
         self._check_settings()
         self.features_ = self._feature_map(points, occupied, weight)
         self.weights_, self.intercept_ = fit_logistic(
-            self.features_(points),
+            self._design(points),
             occupied,
             balanced_weight(weight, occupied, self.weight_power, self.occupied_share),
             penalty=self.penalty,
@@ -114,6 +123,10 @@ class LogisticMapper(Mapper):
             rate=self.rate,
             seed=self.seed,
         )
+
+    def _design(self, points: np.ndarray) -> FeatureMatrix:
+        """The features (N, M) of the fit points."""
+        return self.features_(points)
 
     def _probability(self, queries):
         # A row's sum runs over that row alone, in its own order: no other query changes a bit of it.

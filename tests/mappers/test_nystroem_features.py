@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+from sklearn.metrics.pairwise import rbf_kernel
+
+from hilbertvae.checks import InputError
+from hilbertvae.mappers.nystroem_features import NystroemFeatures, NystroemMapper
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("components", [40, 1000])
+def test_all_points_as_landmarks_give_the_kernel_back(dimension, components):
+    points = np.random.default_rng(0).uniform(0, 5, (40, dimension))
+    features = NystroemFeatures(points, components, 4.0, seed=0)(points) @ np.eye(40)
+    assert features.shape == (40, 40)
+    np.testing.assert_allclose(features @ features.T, rbf_kernel(points, gamma=4.0), atol=1e-8)
+
+
+def test_by_its_formula():
+    rng = np.random.default_rng(1)
+    points, queries, weights = rng.uniform(0, 5, (200, 2)), rng.uniform(-1, 6, (30, 2)), rng.normal(size=20)
+    features = NystroemFeatures(points, 20, 2.0, seed=2)
+    landmarks = features.sampler.components_ + features.origin
+    assert all(np.isclose(points, landmark).all(axis=1).any() for landmark in landmarks)
+    values, vectors = np.linalg.eigh(rbf_kernel(landmarks, gamma=2.0))
+    expected = rbf_kernel(queries, landmarks, gamma=2.0) @ vectors @ np.diag(values**-0.5) @ vectors.T
+    np.testing.assert_allclose(features(queries) @ np.eye(20), expected, atol=1e-8)
+    np.testing.assert_allclose(features(queries) @ np.eye(20), features.sampler.transform(queries - features.origin), atol=1e-8)
+    np.testing.assert_allclose(features.weighted_sum(queries, weights), expected @ weights, atol=1e-8)
+
+
+def test_far_from_the_data_only_the_intercept_speaks():
+    points = np.random.default_rng(2).uniform(0, 3, (300, 2))
+    mapper = NystroemMapper(components=50).fit(points, points[:, 0] < 0.5)
+    far = mapper.predict_proba([[50.0, 50.0], [-20.0, 7.0]])[:, 1]
+    assert far[0] == far[1] == pytest.approx(1 / (1 + np.exp(-mapper.intercept_)))
+
+
+def test_utm_coordinates_give_the_same_map():
+    rng = np.random.default_rng(3)
+    points, queries, offset = rng.uniform(0, 4, (400, 2)), rng.uniform(0, 4, (50, 2)), np.array([452_000.0, 5_411_000.0])
+    here = NystroemMapper(components=30).fit(points, points[:, 0] < 1).predict_proba(queries)
+    there = NystroemMapper(components=30).fit(points + offset, points[:, 0] < 1).predict_proba(queries + offset)
+    np.testing.assert_allclose(there, here, atol=1e-4)
+
+
+def test_another_seed_draws_other_landmarks():
+    points = np.random.default_rng(4).uniform(0, 4, (500, 2))
+    first, second = (NystroemMapper(components=20, seed=seed).fit(points, points[:, 0] < 1) for seed in (0, 1))
+    assert not np.array_equal(first.features_.sampler.component_indices_, second.features_.sampler.component_indices_)
+
+
+@pytest.mark.parametrize("setting", [{"components": 0}, {"components": True}, {"gamma_per_m2": -4.0}, {"epochs": 0}])
+def test_bad_settings_are_refused(setting):
+    with pytest.raises(InputError, match=f"{next(iter(setting))}: expected"):
+        NystroemMapper(**setting).fit([[0.0, 0.0], [1.0, 0.0]], [False, True])
