@@ -17,7 +17,7 @@ from hilbertvae.files import write_json
 from hilbertvae.reports.provenance import cpu_name, git_state, package_versions, without_folders
 
 RESULTS = Path(__file__).parent.parent / "docs" / "results" / "benchmarks"
-RIVALS = ("faiss-cpu", "octomap-python")
+RIVALS = ("faiss-cpu", "octomap-python", "hydra-joblib-launcher", "submitit", "ray")
 
 
 def arguments(description: str) -> argparse.ArgumentParser:

@@ -14,6 +14,7 @@ NEEDED = {
     "map_site": ["embreex"],
     "training_throughput": [],
     "large_cloud": ["embreex"],
+    "launchers": ["embreex"],
 }
 
 
