@@ -32,8 +32,9 @@ class SweepProgress(Callback):
 
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
         folder, jobs = Path(config.hydra.sweep.dir), job_folders(config)
-        sweep = OmegaConf.select(config, "hydra.runtime.choices.sweep") or config.name
-        write_json(folder / SWEEP, {"sweep": sweep, "size": config.size, "jobs": jobs})
+        sweep = OmegaConf.select(config, "hydra.runtime.choices.sweep")
+        if sweep:  # any other multirun may be of anything; hilbertvae-table is told what with --sweep
+            write_json(folder / SWEEP, {"sweep": sweep, "size": config.size, "jobs": jobs})
         print(f"{len(jobs)} jobs in {folder}", flush=True)
         # Not on_multirun_end, which Hydra leaves out when a job failed.
         atexit.register(say_how_it_ended, folder, jobs)
