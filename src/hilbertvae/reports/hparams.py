@@ -19,7 +19,8 @@ HEADLINES = {
     "headline/observed_points_f1": ("points", "observed", "f1"),
 }
 """Tag by reading, region and metric, of the run's own map calibrated for that reading."""
-SECTIONS = ("network", "grid", "likelihood", "augmentation", "clustering", "trainer", "evaluation")
+SECTIONS = ("network", "grid", "likelihood", "trainer")
+"""Few, since the tab shows the first ones of all alphabetically; the whole configuration stands in the text tab."""
 
 
 def headlines(result: Result) -> dict[str, float]:
@@ -49,7 +50,7 @@ def write_hparams(writer: SummaryWriter, config: dict, result: Result | None = N
 
 def _flat(config: dict) -> Iterator[tuple[str, str | float | bool]]:
     """Settings that may tell runs apart, by dotted name."""
-    for key in ("case", "seed", "dimension"):
+    for key in ("case", "seed"):
         if key in config:
             yield key, config[key]
     for section in SECTIONS:
