@@ -1,3 +1,5 @@
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -299,3 +301,9 @@ def test_bad_queries_are_named(room, queries, message):
 def test_bad_parameters_are_named(room, parameters, message):
     with pytest.raises(InputError, match=message):
         fit(HilbertMap(reconstructor(), **parameters), gapped(room))
+
+
+def test_the_size_of_a_map_is_that_of_its_arrays(room):
+    mapper = HilbertMap(grid=tiny_grid()).fit(room.fit.points, room.fit.occupied, room.fit.weight)
+    assert mapper.cluster_count() == len(mapper.frames_) > 0
+    assert mapper.grids_.nbytes < mapper.stored_bytes() < len(pickle.dumps(mapper)) + 10_000

@@ -1,5 +1,6 @@
 import math
 
+import numpy as np
 import pytest
 import torch
 from torch.distributions import Normal
@@ -99,3 +100,15 @@ def test_warm_up_is_a_straight_line_to_one():
 def test_an_unknown_likelihood_is_named():
     with pytest.raises(InputError, match="likelihood.kind: expected one of bernoulli, gaussian, got 'poisson'"):
         LikelihoodSettings(kind="poisson")
+
+
+def test_without_the_mask_a_cell_that_nobody_saw_costs_least_at_one_half():
+    target, shown = torch.tensor([[0, 1, -1]], dtype=torch.int8), torch.tensor([[0, 0, 0]], dtype=torch.int8)
+    unmasked = Bernoulli(LikelihoodSettings(masked=False))
+
+    def cost(first: float) -> float:
+        return unmasked(torch.tensor([[first, 0.0, 0.0]]), target, shown).item()
+
+    assert cost(0.0) < min(cost(-0.5), cost(0.5))
+    known = Bernoulli(LikelihoodSettings())(torch.tensor([[3.0, 0.0, 0.0]]), target, shown).item()
+    np.testing.assert_allclose(cost(0.0) - known, np.log(2), rtol=1e-6)

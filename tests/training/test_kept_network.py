@@ -1,0 +1,120 @@
+"""Runs that differ in scoring alone share one training."""
+
+import threading
+from dataclasses import replace
+
+import joblib
+import pytest
+import torch
+from training_toys import tiny_settings
+
+pytest.importorskip("embreex")
+pytest.importorskip("shapely")
+
+from hilbertvae.checks import InputError  # noqa: E402
+from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
+from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
+from hilbertvae.scoring.protocol import Protocol  # noqa: E402
+from hilbertvae.training.kept_network import KeptNetwork  # noqa: E402
+from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
+from hilbertvae.training.scoring import score  # noqa: E402
+from hilbertvae.training.train import kept_name, train, training_hash  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def one_process():
+    threads = torch.get_num_threads()
+    with joblib.parallel_config(backend="threading"):
+        yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory):
+    """A run whose network is kept."""
+    folder = tmp_path_factory.mktemp("kept")
+    settings = tiny_settings(folder / "first", folder / "cache", trained=str(folder / "trained"))
+    with joblib.parallel_config(backend="threading"):
+        return settings, train(settings)
+
+
+def test_a_run_that_differs_in_scoring_alone_does_not_train(first, tmp_path, monkeypatch):
+    settings, path = first
+    monkeypatch.setattr(ReconstructionModule, "training_step", lambda *arguments: pytest.fail("trained again"))
+    other = replace(settings, output=str(tmp_path / "other"), case="other", evaluation=Protocol(gap_seeds=[3], gap_ratio=0.25))
+    again = train(other)
+    assert again.read_bytes() == path.read_bytes() and str(again) == f"{other.output}/model.safetensors"
+
+
+def test_another_training_is_another_network(first, tmp_path):
+    settings, path = first
+    seeded = replace(settings, output=str(tmp_path / "seeded"), seed=1)
+    assert kept_name(seeded) != kept_name(settings)
+    assert kept_name(replace(settings, validation_gap_m=1.0)) != kept_name(settings)
+    assert train(seeded).read_bytes() != path.read_bytes()
+
+
+def test_what_is_done_afterwards_or_elsewhere_does_not_name_a_network(first):
+    settings, _ = first
+    for changes in ({"name": "x"}, {"case": "x"}, {"size": "full"}, {"pictures": True}, {"trained": None}, {"scoring_processes": 2}):
+        assert training_hash(replace(settings, **changes)) == training_hash(settings), changes
+
+
+def test_a_network_says_how_long_it_took_wherever_it_is_used(first):
+    settings, _ = first
+    found = KeptNetwork(settings.trained, kept_name(settings)).take()
+    assert set(found.seconds) == {"grids", "train", "weights"} and all(seconds >= 0 for seconds in found.seconds.values())
+
+
+def test_whoever_comes_second_waits_and_is_given_the_network(tmp_path, first):
+    _, path = first
+    one, two = KeptNetwork(tmp_path, "same"), KeptNetwork(tmp_path, "same")
+    assert one.take() is None
+    found = []
+    waiting = threading.Thread(target=lambda: found.append(two.take()))
+    waiting.start()
+    waiting.join(0.3)
+    assert waiting.is_alive() and not found
+    one.keep(Reconstructor.load(path))
+    waiting.join(20)
+    assert isinstance(found[0], Reconstructor)
+
+
+def test_a_training_that_breaks_leaves_the_place_free(tmp_path, first, monkeypatch):
+    settings = replace(first[0], output=str(tmp_path / "broken"), trained=str(tmp_path / "trained"))
+    monkeypatch.setattr(ReconstructionModule, "training_step", lambda *arguments: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        train(settings)
+    assert not list((tmp_path / "trained").glob("*.safetensors"))
+    assert KeptNetwork(settings.trained, kept_name(settings)).take() is None
+
+
+def test_a_damaged_network_is_named(tmp_path):
+    (tmp_path / "same.safetensors").write_bytes(b"nothing of the kind")
+    (tmp_path / "same.json").write_text("{}")
+    with pytest.raises(InputError, match="same.safetensors"):
+        KeptNetwork(tmp_path, "same").take()
+
+
+class TestWeightsLearnedAnew:
+    """The rank weights belong to K and to where the grids lie."""
+
+    @staticmethod
+    def scored(settings, path, **parameters) -> HilbertMap:
+        mappers = {"cvae-hm": HilbertMap("trained", **parameters)}
+        tested = replace(settings, data=replace(settings.data, test=["simulated:900002"]))
+        results = []
+        score(tested, mappers, Reconstructor.load(path), lambda result, site, given: results.append(result))
+        assert not results[0].failed
+        return mappers["cvae-hm"]
+
+    @pytest.mark.parametrize("neighbours", [1, 3])
+    def test_another_number_of_grids_has_as_many_weights(self, first, neighbours):
+        mapper = self.scored(*first, neighbours=neighbours)
+        assert {len(weights["unseen"]) for weights in mapper.reconstructor.weights.values()} == {neighbours + 1}
+
+    def test_grids_farther_apart_are_fewer_and_weighed_on_their_own(self, first):
+        farther = first[0].grid.cluster_diameter_m / 2
+        usual, sparse = self.scored(*first), self.scored(*first, inner_radius_m=farther)
+        assert sparse.grid_.inner_radius_m == farther and sparse.cluster_count() < usual.cluster_count()
+        assert sparse.reconstructor.weights != usual.reconstructor.weights == Reconstructor.load(first[1]).weights
