@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -33,6 +34,12 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def copy_file(source: str | os.PathLike, target: str | os.PathLike) -> None:
+    """The bytes of `source` at `target`, atomically."""
+    with atomic(target) as temporary:
+        shutil.copyfile(source, temporary)
 
 
 def write_json(path: str | os.PathLike, content: dict) -> None:

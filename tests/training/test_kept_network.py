@@ -51,7 +51,8 @@ def test_another_training_is_another_network(first, tmp_path):
     seeded = replace(settings, output=str(tmp_path / "seeded"), seed=1)
     assert kept_name(seeded) != kept_name(settings)
     assert kept_name(replace(settings, validation_gap_m=1.0)) != kept_name(settings)
-    assert train(seeded).read_bytes() != path.read_bytes()
+    states = [Reconstructor.load(file).network.state_dict() for file in (train(seeded), path)]
+    assert any(not torch.equal(*pair) for pair in zip(*(state.values() for state in states), strict=True))
 
 
 def test_what_is_done_afterwards_or_elsewhere_does_not_name_a_network(first):
@@ -60,24 +61,25 @@ def test_what_is_done_afterwards_or_elsewhere_does_not_name_a_network(first):
         assert training_hash(replace(settings, **changes)) == training_hash(settings), changes
 
 
-def test_a_network_says_how_long_it_took_wherever_it_is_used(first):
+def test_a_network_says_how_long_it_took_wherever_it_is_used(first, tmp_path):
     settings, _ = first
-    found = KeptNetwork(settings.trained, kept_name(settings)).take()
+    found = KeptNetwork(settings.trained, kept_name(settings)).take(tmp_path / "copy")
     assert set(found.seconds) == {"grids", "train", "weights"} and all(seconds >= 0 for seconds in found.seconds.values())
 
 
 def test_whoever_comes_second_waits_and_is_given_the_network(tmp_path, first):
     _, path = first
     one, two = KeptNetwork(tmp_path, "same"), KeptNetwork(tmp_path, "same")
-    assert one.take() is None
+    assert one.take(tmp_path / "one") is None
     found = []
-    waiting = threading.Thread(target=lambda: found.append(two.take()))
+    waiting = threading.Thread(target=lambda: found.append(two.take(tmp_path / "two")))
     waiting.start()
     waiting.join(0.3)
     assert waiting.is_alive() and not found
-    one.keep(Reconstructor.load(path))
+    one.keep(path, {"train": 1.5})
     waiting.join(20)
-    assert isinstance(found[0], Reconstructor)
+    assert isinstance(found[0], Reconstructor) and found[0].seconds == {"train": 1.5}
+    assert (tmp_path / "two").read_bytes() == path.read_bytes()
 
 
 def test_a_training_that_breaks_leaves_the_place_free(tmp_path, first, monkeypatch):
@@ -86,14 +88,14 @@ def test_a_training_that_breaks_leaves_the_place_free(tmp_path, first, monkeypat
     with pytest.raises(ZeroDivisionError):
         train(settings)
     assert not list((tmp_path / "trained").glob("*.safetensors"))
-    assert KeptNetwork(settings.trained, kept_name(settings)).take() is None
+    assert KeptNetwork(settings.trained, kept_name(settings)).take(tmp_path / "copy") is None
 
 
 def test_a_damaged_network_is_named(tmp_path):
     (tmp_path / "same.safetensors").write_bytes(b"nothing of the kind")
     (tmp_path / "same.json").write_text("{}")
     with pytest.raises(InputError, match="same.safetensors"):
-        KeptNetwork(tmp_path, "same").take()
+        KeptNetwork(tmp_path, "same").take(tmp_path / "copy")
 
 
 class TestWeightsLearnedAnew:

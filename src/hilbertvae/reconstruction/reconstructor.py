@@ -29,7 +29,7 @@ class Reconstructor:
     """A network, the likelihood it was trained with, and the grids it was trained on.
 
     `weights` holds the Hilbert Map's learned weights by reading (`points`, `voxels`), `card` what it was trained on; both are plain.
-    `seconds` says how long its training took, stage by stage; it is no part of the file, which is the same to the bit when trained again.
+    `seconds` says how long its training took, stage by stage; it is no part of the file, which says nothing of the machine.
     """
 
     network: nn.Module

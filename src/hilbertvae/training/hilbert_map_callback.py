@@ -50,7 +50,7 @@ class HilbertMapCallback(L.Callback):
         reconstructor.weights, reconstructor.seconds = learned, self.seconds
         reconstructor.save(self.checkpoint)
         if self.kept:
-            self.kept.keep(reconstructor)
+            self.kept.keep(self.checkpoint, self.seconds)
         score(settings, self.mappers, reconstructor, self.write)
 
     def _lap(self, stage: str) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from hilbertvae.files import write_json
+from hilbertvae.files import copy_file, write_json
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 
@@ -23,20 +23,21 @@ class KeptNetwork:
         self._seconds = self.path.with_suffix(".json")
         self._lock = FileLock(self.path.with_suffix(".lock"))
 
-    def take(self) -> Reconstructor | None:
-        """The network, or None and the right to train it; waits while another run trains it."""
+    def take(self, copy: Path) -> Reconstructor | None:
+        """The network, also copied to `copy`, or None and the right to train it; waits while another run trains it."""
         self._lock.acquire()
         if not self.path.exists():
             return None
         self.release()
         reconstructor = Reconstructor.load(self.path)
         reconstructor.seconds = json.loads(self._seconds.read_text(encoding="utf-8"))
+        copy_file(self.path, copy)
         return reconstructor
 
-    def keep(self, reconstructor: Reconstructor) -> None:
-        """Fill the place, atomically, and let whoever waits go on."""
-        write_json(self._seconds, reconstructor.seconds)
-        reconstructor.save(self.path)
+    def keep(self, checkpoint: Path, seconds: dict[str, float]) -> None:
+        """Fill the place with a copy of a file, atomically, and let whoever waits go on. seconds: by stage of the training."""
+        write_json(self._seconds, seconds)
+        copy_file(checkpoint, self.path)  # not saved again, since the order of a safetensors file's header is not fixed
         self.release()
 
     def release(self) -> None:

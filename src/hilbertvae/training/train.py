@@ -73,10 +73,10 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     settings.check()
     output = Path(settings.output)
     kept = KeptNetwork(settings.trained, kept_name(settings)) if settings.trained and first_rank() else None
-    reconstructor = kept.take() if kept else None
+    checkpoint = output / "model.safetensors"
+    reconstructor = kept.take(checkpoint) if kept else None
     if reconstructor:
         print(f"{output}: its network was trained before and is kept as {kept.path}")
-        checkpoint = reconstructor.save(output / "model.safetensors")
         score(settings, mappers or {}, reconstructor, write)
         return checkpoint
     try:
