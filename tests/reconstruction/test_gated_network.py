@@ -31,6 +31,22 @@ def test_shapes(dimension, skips, variational):
     assert network.decode(torch.zeros(2, 5)).shape == (2, *(16,) * dimension)
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_behind_a_flat_bottom_the_latent_is_all_that_the_decoder_knows(dimension):
+    network = small(dimension, bottom="flat", skips=False).eval()
+    found = network(codes(dimension))
+    assert found.output.shape == (3, *(16,) * dimension)
+    assert torch.equal(network.decode(found.mean), found.output)
+    assert network.mean.in_features == 8 * 2**dimension  # 16 cells, stem 2 and two levels leave 2 along each axis
+
+
+def test_a_flat_bottom_refuses_skips_and_an_unknown_one_is_named():
+    with pytest.raises(InputError, match="network.bottom: flat needs network.skips=false"):
+        small(bottom="flat")
+    with pytest.raises(InputError, match="network.bottom: expected one of summary, flat, got 'round'"):
+        small(bottom="round")
+
+
 def test_the_default_network_takes_the_default_grid():
     network = GatedNetwork(GatedNetworkSettings(), 2, 64).eval()
     with torch.inference_mode():

@@ -195,3 +195,11 @@ def test_the_hash_of_a_training_sees_what_a_path_holds(tmp_path):
     assert training_hash(settings) == first
     write_log(log, [carmen_line(np.full(180, 3.0), [0, 0, 0])])
     assert training_hash(settings) != first
+
+
+def test_the_maps_weights_are_learned_over_the_runs_flips(finished, tmp_path):
+    settings, path = finished
+    other = train(replace(settings, output=str(tmp_path / "one"), flips=1))
+    one, four = Reconstructor.load(other), Reconstructor.load(path)
+    assert all(torch.equal(a, b) for a, b in zip(one.network.state_dict().values(), four.network.state_dict().values(), strict=True))
+    assert one.weights != four.weights

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import torch
@@ -19,6 +20,8 @@ from hilbertvae.reconstruction.blocks import (
     spread_channels,
 )
 
+BOTTOMS = ("summary", "flat")
+
 
 @dataclass
 class GatedNetworkSettings:
@@ -33,6 +36,8 @@ class GatedNetworkSettings:
     """Residual blocks on the way down per level; the last level's are the bottom's."""
     latent: int = 64
     variational: bool = True
+    bottom: str = "summary"
+    """What the decoder starts from: `summary`, the bottom's cells and the latent; `flat`, the latent alone, so that it needs `skips: false`."""
     skips: bool = True
     dropout: float = 0.0
     encoding: str = "hit_free"
@@ -43,7 +48,8 @@ class GatedNetwork(nn.Module):
 
     A skip carries detail of what was observed past the bottom. Its gate is the share of cells observed there, so inside a gap the
     decoder hears nothing from the skip and has to complete from below. The latent is a summary of the whole grid (one vector), added
-    to every cell of the bottom.
+    to every cell of the bottom. With a `flat` bottom the latent holds all cells of the bottom instead, as in the paper's networks, and
+    nothing else reaches the decoder.
     """
 
     def __init__(self, settings: GatedNetworkSettings, dimension: int, cells: int):
@@ -54,15 +60,21 @@ class GatedNetwork(nn.Module):
             raise InputError(f"network.blocks: expected {levels}, one per level, got {len(settings.blocks)}")
         if cells % reduction:
             raise InputError(f"grid.cells: expected a multiple of {reduction} (stem and {levels} levels), got {cells}")
+        if settings.bottom not in BOTTOMS:
+            raise InputError(f"network.bottom: expected one of {', '.join(BOTTOMS)}, got {settings.bottom!r}")
+        if settings.bottom == "flat" and settings.skips:
+            raise InputError("network.bottom: flat needs network.skips=false, else detail goes past the latent")
         self.settings, self.dimension, self.cells = settings, dimension, cells
+        self.bottom = (channels[-1], *(cells // reduction,) * dimension)
+        features = math.prod(self.bottom) if settings.bottom == "flat" else channels[-1]
         convolution = CONVOLUTION[dimension]
         self.encode_input, inputs = find_encoding(settings.encoding)
         self.stem = convolution(inputs, channels[0], settings.stem, stride=settings.stem)
         self.down = nn.ModuleList(self._level(i) for i in range(levels))
         self.shrink = nn.ModuleList(convolution(channels[i], channels[i + 1], 2, stride=2) for i in range(levels - 1))
-        self.mean = nn.Linear(channels[-1], settings.latent)
-        self.spread = nn.Linear(channels[-1], settings.latent) if settings.variational else None
-        self.expand = nn.Linear(settings.latent, channels[-1])
+        self.mean = nn.Linear(features, settings.latent)
+        self.spread = nn.Linear(features, settings.latent) if settings.variational else None
+        self.expand = nn.Linear(settings.latent, features)
         self.grow = nn.ModuleList(convolution(channels[i + 1], channels[i] * 2**dimension, 1) for i in range(levels - 1))
         self.join = nn.ModuleList(convolution(2 * channels[i], channels[i], 1) for i in range(levels - 1)) if settings.skips else None
         self.up = nn.ModuleList(self._level(i) for i in range(levels - 1))
@@ -85,16 +97,17 @@ class GatedNetwork(nn.Module):
                 kept.append(x * gate)
                 gate = MEAN_POOL[self.dimension](gate, 2)
                 x = self.shrink[level](x)
-        summary = x.flatten(2).mean(dim=2)
+        flat = self.settings.bottom == "flat"
+        summary = x.flatten(1) if flat else x.flatten(2).mean(dim=2)
         mean = self.mean(summary)
         std = F.softplus(self.spread(summary)) + 1e-6 if self.spread is not None else None
         z = mean + std * torch.randn_like(std) if std is not None and self.training else mean
-        output = self._decode(z, x, kept)
+        output = self._decode(z, None if flat else x, kept)
         return Reconstruction(output, mean, std)
 
     def _decode(self, z: Tensor, x: Tensor | None, kept: list[Tensor]) -> Tensor:
-        summary = self.expand(z).reshape(len(z), -1, *(1,) * self.dimension)
-        x = summary if x is None else x + summary
+        expanded = self.expand(z)
+        x = expanded.reshape(len(z), *self.bottom) if x is None else x + expanded.reshape(len(z), -1, *(1,) * self.dimension)
         for level in reversed(range(len(self.grow))):
             x = spread_channels(self.grow[level](x), 2)
             if self.join is not None:
@@ -104,6 +117,5 @@ class GatedNetwork(nn.Module):
 
     def decode(self, z: Tensor) -> Tensor:
         """(B, n, ..., n) logits of `z (B, latent)` alone, as if nothing had been observed."""
-        bottom = self.cells // (self.settings.stem * 2 ** (len(self.settings.channels) - 1))
-        empty = torch.zeros(len(z), self.settings.channels[-1], *(bottom,) * self.dimension, dtype=z.dtype, device=z.device)
+        empty = None if self.settings.bottom == "flat" else torch.zeros(len(z), *self.bottom, dtype=z.dtype, device=z.device)
         return self._decode(z, empty, [])

@@ -57,10 +57,10 @@ def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
         known = {len(weights["unseen"]) - 1 for weights in network.weights.values()}
         if mapper.inner_radius_m is None and known == {mapper.neighbours}:
             continue
-        key = (id(network), mapper.neighbours, mapper.inner_radius_m)
+        key = (id(network), mapper.neighbours, mapper.inner_radius_m, mapper.flips)
         if key not in learned:
             blank = replace(network, weights={})
-            anew = HilbertMap(blank, neighbours=mapper.neighbours, inner_radius_m=mapper.inner_radius_m)
+            anew = HilbertMap(blank, neighbours=mapper.neighbours, inner_radius_m=mapper.inner_radius_m, flips=mapper.flips)
             site = open_site(settings.data.validate, settings.resolution_m, settings.source())
             weights = learn_rank_weights(anew, site, settings.validation_gap_m, settings.calibration_seeds)
             learned[key] = replace(network, weights=weights)
