@@ -1,10 +1,13 @@
 import numpy as np
 import pytest
 
+from hilbertvae.checks import InputError
 from hilbertvae.cloud import fit_cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
+from hilbertvae.grids import training_grids as made_by
 from hilbertvae.grids.cluster_grids import bin_grids, find_frames
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids, turned
+from hilbertvae.occlusions import random_occlusion
 from toy_rooms import tiny_grid
 
 
@@ -41,11 +44,33 @@ def test_without_gaps_the_input_is_the_target(room):
     np.testing.assert_array_equal(shown, target)
 
 
-def test_each_clustering_but_the_first_is_turned(room):
+def test_turning_moves_what_boxes_see(room):
     def target(seed, turn):
         return training_grids(room.scans, 0.1, tiny_grid(), ClusteringSettings(1, [], turn), seed)[1]
 
-    np.testing.assert_array_equal(target(0, True), target(0, False))
     straight, oblique = target(4, False), target(4, True)
     assert straight.shape != oblique.shape or (straight != oblique).any()
     np.testing.assert_array_equal(target(4, True), oblique)
+
+
+def test_an_occluded_clustering_is_shown_fewer_scans(place):
+    grid, clustering = tiny_grid(place.dimension), ClusteringSettings(1, [1.0, 1.5], occluded_share=1.0, turn=False)
+    shown, target = training_grids(place.scans, place.resolution_m, grid, clustering, 3)
+    left = fit_cloud(place.scans.select(random_occlusion(place.scans, 3)), place.resolution_m)
+    frames = find_frames(left, grid, 3)
+    np.testing.assert_array_equal(shown, bin_grids(left, frames, grid))
+    np.testing.assert_array_equal(target, bin_grids(fit_cloud(place.scans, place.resolution_m), frames, grid))
+    assert ((shown == 0) & (target != 0)).any() and ((shown == 0) | (target != 0)).all()
+
+
+def test_as_many_clusterings_are_occluded_as_asked(room, monkeypatch):
+    asked = []
+    monkeypatch.setattr(made_by, "random_occlusion", lambda scans, seed: asked.append(seed) or np.ones(len(scans), bool))
+    for seed in range(20):
+        training_grids(room.scans, 0.1, tiny_grid(), ClusteringSettings(1, [0.6, 1.0], occluded_share=0.5, turn=False), seed)
+    assert 4 <= len(asked) <= 16
+
+
+def test_a_share_is_between_0_and_1():
+    with pytest.raises(InputError, match=r"clustering.occluded_share: expected a share in \[0, 1\], got 1.5"):
+        ClusteringSettings(occluded_share=1.5)

@@ -16,6 +16,7 @@ from hilbertvae.reconstruction.likelihood import (
     free_bits,
     kl_divergence,
     kl_weight,
+    known_nll,
 )
 
 
@@ -112,3 +113,19 @@ def test_without_the_mask_a_cell_that_nobody_saw_costs_least_at_one_half():
     assert cost(0.0) < min(cost(-0.5), cost(0.5))
     known = Bernoulli(LikelihoodSettings())(torch.tensor([[3.0, 0.0, 0.0]]), target, shown).item()
     np.testing.assert_allclose(cost(0.0) - known, np.log(2), rtol=1e-6)
+
+
+def test_what_would_be_known_is_asked_where_nothing_is_shown():
+    """Cell by cell: a coin flip for each that the input lacks, nothing for those that it has."""
+    generator = torch.Generator().manual_seed(4)
+    known = torch.randn(2, 4, 4, generator=generator)
+    target = torch.randint(-1, 2, (2, 4, 4), generator=generator).to(torch.int8)
+    shown = torch.where(torch.rand(2, 4, 4, generator=generator) < 0.5, target, torch.zeros_like(target))
+    expected = [0.0, 0.0]
+    for b in range(2):
+        for i in range(4):
+            for j in range(4):
+                if shown[b, i, j] == 0:
+                    p = 1 / (1 + math.exp(-known[b, i, j]))
+                    expected[b] -= math.log(p if target[b, i, j] != 0 else 1 - p)
+    assert known_nll(known, target, shown).tolist() == pytest.approx(expected, rel=1e-5)

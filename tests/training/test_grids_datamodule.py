@@ -11,7 +11,7 @@ from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.scans.carmen import read_carmen
 from hilbertvae.training import grids_datamodule
-from hilbertvae.training.grids_datamodule import EpochBatches, GridPairs, GridsDataModule, grids_hash
+from hilbertvae.training.grids_datamodule import EpochBatches, GridPairs, GridsDataModule, draw_seed, grids_hash
 from hilbertvae.training.settings import DataSettings
 from toy_rooms import room_log
 
@@ -39,10 +39,26 @@ def module_of(settings):
 
 def test_pairs_are_those_of_each_clustering(prepared):
     module = module_of(prepared)
-    expected = [training_grids(read_carmen(prepared.data.train[0]), 0.1, prepared.grid, prepared.clustering, seed) for seed in range(2)]
+    log = prepared.data.train[0]
+    draws = [draw_seed(log, seed, prepared) for seed in range(2)]
+    first = replace(prepared.clustering, turn=False)  # the site as it stands, once
+    expected = [
+        training_grids(read_carmen(log), 0.1, prepared.grid, clustering, draw)
+        for clustering, draw in zip((first, prepared.clustering), draws, strict=True)
+    ]
     for found, parts in zip((module.train_pairs.shown, module.train_pairs.target), zip(*expected, strict=True), strict=True):
         assert found.dtype == torch.int8
         np.testing.assert_array_equal(found.numpy(), np.concatenate(parts))
+
+
+def test_every_site_draws_its_own(prepared, tmp_path):
+    """Else all simulated sites would be turned by the same angle. The same log at another place draws the same."""
+    log, other = prepared.data.train[0], prepared.data.validate
+    draws = {draw_seed(site, seed, prepared) for site in (log, other, "simulated:0", "simulated:1") for seed in range(3)}
+    assert len(draws) == 12
+    moved = tmp_path / "elsewhere.log"
+    moved.write_bytes((tmp_path / "train.log").read_bytes())
+    assert draw_seed(str(moved), 1, prepared) == draw_seed(log, 1, prepared)
 
 
 def test_the_validation_site_is_seen_as_it_will_be_mapped(prepared):

@@ -6,9 +6,12 @@ import torch
 from torch.nn import functional as F
 from training_toys import TRAINER, tiny_settings
 
+from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.augmentation import augment
-from hilbertvae.reconstruction.likelihood import Bernoulli, LikelihoodSettings, free_bits, kl_divergence
+from hilbertvae.reconstruction.likelihood import Bernoulli, LikelihoodSettings, free_bits, kl_divergence, known_nll
+from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.training.reconstruction_module import ReconstructionModule
+from toy_rooms import tiny_reconstructor
 
 
 @pytest.fixture
@@ -43,7 +46,9 @@ def test_the_loss_is_equation_6(logged, step, weight):
     found = module.network(shown)
     nll = Bernoulli(module.settings.likelihood)(found.output, target, shown).mean()
     kl = kl_divergence(found.mean, found.std)
-    assert loss.item() == pytest.approx((nll + weight * free_bits(kl, 0.05)).item(), rel=1e-5)
+    dull = known_nll(found.known, target, shown).mean()
+    assert loss.item() == pytest.approx((nll + 0.03 * dull + weight * free_bits(kl, 0.05)).item(), rel=1e-5)
+    assert logged["train/known_nll_per_grid"] == pytest.approx(dull.item(), rel=1e-5)
     assert logged["train/nll_per_grid"] == pytest.approx(nll.item(), rel=1e-5)
     assert logged["train/kl_nats"] == pytest.approx(kl.sum(dim=1).mean().item(), rel=1e-4)
     assert 0 <= logged["train/active_latents"] <= 3
@@ -53,7 +58,32 @@ def test_an_auto_encoder_pays_no_kl(logged):
     settings = tiny_settings("run", "cache")
     module = module_of(5, network=replace(settings.network, variational=False)).train()
     loss = module.training_step(pairs(), 0)
-    assert "train/kl_nats" not in logged and loss.item() == pytest.approx(logged["train/nll_per_grid"])
+    paid = logged["train/nll_per_grid"] + 0.03 * logged["train/known_nll_per_grid"]
+    assert "train/kl_nats" not in logged and loss.item() == pytest.approx(paid)
+
+
+def test_a_network_that_does_not_say_what_would_be_known_pays_nothing_for_it(logged):
+    settings = tiny_settings("run", "cache")
+    loss = module_of(5, network=replace(settings.network, variational=False, known=False)).train().training_step(pairs(), 0)
+    assert "train/known_nll_per_grid" not in logged and loss.item() == pytest.approx(logged["train/nll_per_grid"])
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_a_network_starts_from_anothers_weights(tmp_path, known):
+    """From an older one too, that does not say what would be known: that output starts afresh."""
+    path = tiny_reconstructor(seed=5, stem=2, channels=[4, 8], blocks=[1, 1], latent=3, known=known).save(tmp_path / "model.safetensors")
+    module = module_of()
+    before = {name: weights.clone() for name, weights in module.network.state_dict().items()}
+    module.start_from(str(path))
+    found, after = Reconstructor.load(path).network.state_dict(), module.network.state_dict()
+    assert all(torch.equal(after[name], found.get(name, before[name])) for name in after)
+    assert any(not torch.equal(after[name], before[name]) for name in found)
+
+
+def test_a_network_of_another_shape_is_no_start(tmp_path):
+    path = tiny_reconstructor(stem=2, channels=[4, 6], blocks=[1, 1], latent=3).save(tmp_path / "model.safetensors")
+    with pytest.raises(InputError, match="trainer.initial: .*model.safetensors has another network"):
+        module_of().start_from(str(path))
 
 
 def test_a_step_draws_from_seed_and_step_alone(logged):

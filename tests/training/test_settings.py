@@ -40,6 +40,7 @@ def test_good_settings_pass():
         ({"trainer": TrainerSettings(learning_rate=float("nan"))}, "trainer.learning_rate"),
         ({"trainer": TrainerSettings(validation_grids=0)}, "trainer.validation_grids"),
         ({"trainer": TrainerSettings(kl_warmup_share=0.1)}, "trainer.kl_warmup_share: expected at least 0.2, got 0.1"),
+        ({"trainer": TrainerSettings(initial="gone.safetensors")}, "trainer.initial: expected a model.safetensors, got gone.safetensors"),
         ({"flips": 3}, "flips: expected 1, 2, 4 or 8, got 3"),
     ],
 )

@@ -6,9 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hilbertvae.checks import InputError
 from hilbertvae.cloud import fit_cloud
 from hilbertvae.gaps import random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
+from hilbertvae.occlusions import random_occlusion
 from hilbertvae.scans.scan import Scans
 
 
@@ -19,8 +21,14 @@ class ClusteringSettings:
     clusterings: int = 20
     gap_diameter_m: list[float] = field(default_factory=lambda: [1.5, 3.5])
     """Range of the diameters of the gaps that each clustering cuts from its input; an empty list cuts none."""
+    occluded_share: float = 0.0
+    """Share of the clusterings that are shown a site that was scanned less (`occlusions.py`) instead of one with gaps."""
     turn: bool = True
     """Each clustering but the first turns the site about the vertical by a random angle."""
+
+    def __post_init__(self):
+        if not 0 <= self.occluded_share <= 1:
+            raise InputError(f"clustering.occluded_share: expected a share in [0, 1], got {self.occluded_share}")
 
 
 def turned(scans: Scans, angle_rad: float) -> Scans:
@@ -33,17 +41,19 @@ def turned(scans: Scans, angle_rad: float) -> Scans:
 def training_grids(
     scans: Scans, resolution_m: float, grid: GridSettings, clustering: ClusteringSettings, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(shown, target): int8 grids (M, n, ..., n) of one clustering, without and with what its gaps removed.
+    """(shown, target): int8 grids (M, n, ..., n) of one clustering, without and with what its gaps, or an occlusion, removed.
 
     The gaps are cut by the evaluation's code before anything else, so that clusters and frames are those of a gapped site; the target
     is the uncut site, binned in the same frames.
     """
     rng = np.random.default_rng([seed, 0x9A15])
-    if clustering.turn and seed:
+    if clustering.turn:
         scans = turned(scans, rng.uniform(0, 2 * np.pi))
     whole = fit_cloud(scans, resolution_m)
     cloud = whole
-    if clustering.gap_diameter_m:
+    if rng.random() < clustering.occluded_share:
+        cloud = fit_cloud(scans.select(random_occlusion(scans, seed)), resolution_m)
+    elif clustering.gap_diameter_m:
         cloud = random_gaps(whole, tuple(clustering.gap_diameter_m), resolution_m, seed).cut(whole)
     frames = find_frames(cloud, grid, seed)
     return bin_grids(cloud, frames, grid), bin_grids(whole, frames, grid)

@@ -20,11 +20,15 @@ CONVOLVE_TRANSPOSED = {2: F.conv_transpose2d, 3: F.conv_transpose3d}
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """output: (B, n, ..., n), what the likelihood takes; mean, std: (B, latent) of Q(z|H), Eq. 10; std is None without sampling."""
+    """output: (B, n, ..., n), what the likelihood takes; mean, std: (B, latent) of Q(z|H), Eq. 10; std is None without sampling.
+
+    known: (B, n, ..., n) logits of whether the whole site's scans saw a cell at all; None for a network that does not say.
+    """
 
     output: Tensor
     mean: Tensor | None
     std: Tensor | None
+    known: Tensor | None = None
 
 
 def signed(grids: Tensor) -> Tensor:

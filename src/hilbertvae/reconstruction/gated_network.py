@@ -37,8 +37,10 @@ class GatedNetworkSettings:
     latent: int = 64
     variational: bool = True
     bottom: str = "summary"
-    """What the decoder starts from: `summary`, the bottom's cells and the latent; `flat`, the latent alone, so that it needs `skips: false`."""
+    """What the decoder starts from: `summary`, the bottom's cells and the latent; `flat`, the latent alone, which needs `skips: false`."""
     skips: bool = True
+    known: bool = True
+    """A second output: whether a cell would be known at all if the site were scanned as training sites were."""
     dropout: float = 0.0
     encoding: str = "hit_free"
 
@@ -79,6 +81,7 @@ class GatedNetwork(nn.Module):
         self.join = nn.ModuleList(convolution(2 * channels[i], channels[i], 1) for i in range(levels - 1)) if settings.skips else None
         self.up = nn.ModuleList(self._level(i) for i in range(levels - 1))
         self.head = nn.Sequential(group_norm(channels[0]), nn.SiLU(), convolution(channels[0], settings.stem**dimension, 3, padding=1))
+        self.known_head = convolution(channels[0], settings.stem**dimension, 3, padding=1) if settings.known else None
 
     def _level(self, level: int) -> nn.Sequential:
         settings = self.settings
@@ -102,10 +105,10 @@ class GatedNetwork(nn.Module):
         mean = self.mean(summary)
         std = F.softplus(self.spread(summary)) + 1e-6 if self.spread is not None else None
         z = mean + std * torch.randn_like(std) if std is not None and self.training else mean
-        output = self._decode(z, None if flat else x, kept)
-        return Reconstruction(output, mean, std)
+        output, known = self._decode(z, None if flat else x, kept)
+        return Reconstruction(output, mean, std, known)
 
-    def _decode(self, z: Tensor, x: Tensor | None, kept: list[Tensor]) -> Tensor:
+    def _decode(self, z: Tensor, x: Tensor | None, kept: list[Tensor]) -> tuple[Tensor, Tensor | None]:
         expanded = self.expand(z)
         x = expanded.reshape(len(z), *self.bottom) if x is None else x + expanded.reshape(len(z), -1, *(1,) * self.dimension)
         for level in reversed(range(len(self.grow))):
@@ -113,9 +116,11 @@ class GatedNetwork(nn.Module):
             if self.join is not None:
                 x = self.join[level](torch.cat([x, kept[level] if kept else torch.zeros_like(x)], dim=1))
             x = self.up[level](x)
-        return spread_channels(self.head(x), self.settings.stem).squeeze(1)
+        features = self.head[:-1](x)
+        heads = (self.head[-1], self.known_head)
+        return tuple(spread_channels(head(features), self.settings.stem).squeeze(1) if head else None for head in heads)
 
     def decode(self, z: Tensor) -> Tensor:
         """(B, n, ..., n) logits of `z (B, latent)` alone, as if nothing had been observed."""
         empty = None if self.settings.bottom == "flat" else torch.zeros(len(z), *self.bottom, dtype=z.dtype, device=z.device)
-        return self._decode(z, empty, [])
+        return self._decode(z, empty, [])[0]

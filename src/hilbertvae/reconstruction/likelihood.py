@@ -21,6 +21,8 @@ class LikelihoodSettings:
     kind: str = "bernoulli"
     observed_weight: float = 0.2
     """Weight of cells that the input shows, beside 1 for those cut from it. The map keeps observed evidence by itself."""
+    known_weight: float = 0.03
+    """Weight of the second output's likelihood, per cell that the input does not show; most of these are dull."""
     masked: bool = True
     """`bernoulli` over known cells alone. Without the mask a cell that nobody saw is to be answered with 0.5, as a gap's then is, too."""
 
@@ -76,6 +78,12 @@ class Gaussian:
 
 
 LIKELIHOODS = {"bernoulli": Bernoulli, "gaussian": Gaussian}
+
+
+def known_nll(known: Tensor, target: Tensor, shown: Tensor) -> Tensor:
+    """(B,) negative log-likelihood of which cells the target knows, summed over those that the input does not show."""
+    loss = F.binary_cross_entropy_with_logits(known.float(), (target != 0).float(), reduction="none")
+    return (loss * (shown == 0)).flatten(1).sum(dim=1)
 
 
 def kl_divergence(mean: Tensor, std: Tensor) -> Tensor:

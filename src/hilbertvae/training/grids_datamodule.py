@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 
@@ -21,7 +21,18 @@ from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.training.settings import Settings
 
 VALIDATION_SEEDS = (1_000_001, 1_000_002)
-GRID_SOURCES = ("voxel_votes.py", "cloud.py", "gaps.py", "site.py", "bucket_index.py", "scans", "simulate", "clusters", "grids")
+GRID_SOURCES = (
+    "voxel_votes.py",
+    "cloud.py",
+    "gaps.py",
+    "occlusions.py",
+    "site.py",
+    "bucket_index.py",
+    "scans",
+    "simulate",
+    "clusters",
+    "grids",
+)
 """What grids come from."""
 
 
@@ -135,11 +146,16 @@ def _clustering(seed: int, settings: Settings) -> ClusteringSettings:
     """The validation site is seen as it will be mapped: unturned, with gaps of one size, whatever training shows."""
     if seed in VALIDATION_SEEDS:
         return ClusteringSettings(1, [settings.validation_gap_m] * 2, turn=False)
-    return ClusteringSettings(1, settings.clustering.gap_diameter_m, settings.clustering.turn)
+    return replace(settings.clustering, clusterings=1, turn=settings.clustering.turn and seed > 0)
+
+
+def draw_seed(name: str, seed: int, settings: Settings) -> int:
+    """What a clustering's randomness comes from: the site, too, else all simulated sites would be turned by one angle."""
+    return seed if seed in VALIDATION_SEEDS else int(hash_of([settings.source().made_of(name), seed])[:8], 16)
 
 
 def _build(path: Path, name: str, seed: int, settings: Settings) -> None:
     scans = settings.source().scans(name)
-    pair = training_grids(scans, settings.resolution_m, settings.grid, _clustering(seed, settings), seed)
+    pair = training_grids(scans, settings.resolution_m, settings.grid, _clustering(seed, settings), draw_seed(name, seed, settings))
     with atomic(path) as temporary:
         np.save(temporary, np.stack(pair))

@@ -45,7 +45,9 @@ class HilbertMapCallback(L.Callback):
         settings = self.settings
         reconstructor = self._best(trainer, module)
         site = open_site(settings.data.validate, settings.resolution_m, settings.source())
-        learned = learn_rank_weights(HilbertMap(reconstructor, flips=settings.flips), site, settings.validation_gap_m, settings.calibration_seeds)
+        learned = learn_rank_weights(
+            HilbertMap(reconstructor, flips=settings.flips), site, settings.validation_gap_m, settings.calibration_seeds
+        )
         self._lap("weights")
         reconstructor.weights, reconstructor.seconds = learned, self.seconds
         reconstructor.save(self.checkpoint)
@@ -71,6 +73,7 @@ class HilbertMapCallback(L.Callback):
             "epoch": saved["epoch"],
             "steps": saved["global_step"],
             "seed": settings.seed,
+            **({"started_from": Reconstructor.load(settings.trainer.initial).card} if settings.trainer.initial else {}),
         }
         grid, likelihood = settings.grid, settings.likelihood
         return Reconstructor(network, settings.network, likelihood, grid, settings.dimension, settings.resolution_m, card=card)

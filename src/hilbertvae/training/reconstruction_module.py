@@ -10,9 +10,11 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.augmentation import augment
-from hilbertvae.reconstruction.likelihood import LIKELIHOODS, active_dimensions, free_bits, kl_divergence, kl_weight
+from hilbertvae.reconstruction.likelihood import LIKELIHOODS, active_dimensions, free_bits, kl_divergence, kl_weight, known_nll
 from hilbertvae.reconstruction.networks import build_network
+from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.training.settings import Settings
 
 
@@ -29,6 +31,16 @@ class ReconstructionModule(L.LightningModule):
         self.likelihood = LIKELIHOODS[settings.likelihood.kind](settings.likelihood)
         self.total_steps = settings.trainer.epochs * settings.trainer.steps_per_epoch
 
+    def start_from(self, checkpoint: str) -> None:
+        """Take the weights of a trained network. An `InputError` names the file if its network is another."""
+        found = Reconstructor.load(checkpoint).network.state_dict()
+        own = self.network.state_dict()
+        # What says whether a cell would be known came later than the rest, and older networks don't have it.
+        lacking = [name for name in own if name not in found and not name.startswith("known_head.")]
+        if lacking or any(name not in own or own[name].shape != weights.shape for name, weights in found.items()):
+            raise InputError(f"trainer.initial: {checkpoint} has another network than `network` and `grid.cells` describe")
+        self.network.load_state_dict({**own, **found})
+
     def training_step(self, batch: tuple[Tensor, Tensor], number: int) -> Tensor:
         trainer = self.settings.trainer
         torch.manual_seed(hash((self.settings.seed, self.global_step, self.global_rank)) % 2**63)
@@ -36,10 +48,14 @@ class ReconstructionModule(L.LightningModule):
         found = self.network(shown)
         fit = self.likelihood(found.output, target, shown).mean()
         loss = fit
+        if found.known is not None:
+            known = known_nll(found.known, target, shown).mean()
+            loss = loss + self.settings.likelihood.known_weight * known
+            self.log("train/known_nll_per_grid", known)
         if found.std is not None:
             kl = kl_divergence(found.mean.float(), found.std.float())
             weight = trainer.kl_weight * kl_weight(self.global_step, int(trainer.kl_warmup_share * self.total_steps))
-            loss = fit + weight * free_bits(kl, trainer.free_nats)
+            loss = loss + weight * free_bits(kl, trainer.free_nats)
             self.log("train/kl_nats", kl.sum(dim=1).mean())
             self.log("train/active_latents", active_dimensions(kl).float())
         if not torch.isfinite(loss):
@@ -56,6 +72,8 @@ class ReconstructionModule(L.LightningModule):
         removed = (shown == 0) & (target != 0)
         fit = self.likelihood(found.output, target, shown).mean()
         self.log("val/nll_per_grid", fit, batch_size=len(shown))
+        if found.known is not None:
+            self.log("val/known_nll_per_grid", known_nll(found.known, target, shown).mean(), batch_size=len(shown))
         # Early stop and best weights go by this: gaps are what the network is for, and what it overfits on.
         probability = self.likelihood.probability(self.likelihood.kernel_value(found.output))
         if not removed.any():

@@ -57,6 +57,8 @@ class TrainerSettings:
     epochs: int = 12
     steps_per_epoch: int = 250
     batch_size: int = 64
+    initial: str | None = None
+    """Start from the weights of this `model.safetensors`, of a network of the same shape, instead of fresh ones."""
     learning_rate: float = 2e-3
     weight_decay: float = 0.02
     warmup_share: float = 0.02
@@ -162,6 +164,8 @@ class Settings:
         names = [site_name(site) for site in self.data.test]
         if len(set(names)) < len(names):
             raise InputError(f"data.test: expected sites of different names, since results are kept under them, got {', '.join(names)}")
+        if self.trainer.initial and not Path(self.trainer.initial).is_file():
+            raise InputError(f"trainer.initial: expected a model.safetensors, got {self.trainer.initial}, which is not there")
         for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids"):
             check_positive(getattr(self.trainer, key), f"trainer.{key}")
         check_positive(self.scoring_processes, "scoring_processes")

@@ -17,7 +17,7 @@ from lightning.pytorch.plugins.io import TorchCheckpointIO
 
 import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.files import atomic, hash_of, write_json
+from hilbertvae.files import atomic, hash_of, path_sha256, write_json
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.training.grids_datamodule import GRID_SOURCES, GridsDataModule, code_hash
@@ -47,6 +47,8 @@ def training_hash(settings: Settings) -> str:
     made_of = asdict(settings)
     source = settings.source()
     paths = [site for site in (*settings.data.train, settings.data.validate) if is_scan_path(site) and Path(site).exists()]
+    if settings.trainer.initial:
+        made_of["trainer"]["initial"] = path_sha256(settings.trainer.initial)
     made_of["contents"] = [source.made_of(site) for site in paths]  # the same path may hold other scans when a run goes on
     for key in AFTERWARDS:
         made_of.pop(key)
@@ -123,8 +125,11 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
             use_distributed_sampler=False,
             enable_model_summary=False,
         )
+        module = ReconstructionModule(settings)
+        if settings.trainer.initial and not resume:
+            module.start_from(settings.trainer.initial)
         try:
-            trainer.fit(ReconstructionModule(settings), GridsDataModule(settings), ckpt_path=resume, weights_only=True)
+            trainer.fit(module, GridsDataModule(settings), ckpt_path=resume, weights_only=True)
         except SystemExit:  # Lightning's answer to Ctrl-C
             raise KeyboardInterrupt(f"training was interrupted; the same command goes on from the last epoch in {output}") from None
     return after_fit.checkpoint
