@@ -19,6 +19,8 @@ from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, LikelihoodSettings
 from hilbertvae.reconstruction.networks import NetworkSettings, build_network, network_settings
+from hilbertvae.reconstruction.packed_weights import pack, unpack
+from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reconstruction.symmetry import apply, symmetries, undo
 
 FORMAT = "hilbertvae-reconstructor-1"
@@ -55,8 +57,8 @@ class Reconstructor:
                 values[start : start + batch] = (total / len(chosen)).cpu().numpy()
         return values
 
-    def save(self, path: str | os.PathLike) -> Path:
-        """One safetensors file with the weights, and everything else as JSON in its header."""
+    def save(self, path: str | os.PathLike, packed: bool = False) -> Path:
+        """One safetensors file with the weights, `packed` at a quarter of their size, and everything else as JSON in its header."""
         described = {
             "network": asdict(self.network_settings),
             "likelihood": asdict(self.likelihood),
@@ -68,13 +70,17 @@ class Reconstructor:
         }
         tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in self.network.state_dict().items()}
         with atomic(path) as temporary:
-            save_file(tensors, temporary, metadata={"format": FORMAT, "settings": json.dumps(described, sort_keys=True)})
+            save_file(
+                pack(tensors) if packed else tensors,
+                temporary,
+                metadata={"format": FORMAT, "settings": json.dumps(described, sort_keys=True)},
+            )
         return Path(path)
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> Reconstructor:
-        """The reconstructor saved at `path`; an `InputError` for a missing, damaged or foreign file."""
-        path = Path(path)
+        """The reconstructor saved at `path`, or shipped under that name; an `InputError` for a missing, damaged or foreign file."""
+        path = checkpoint_path(path)
         if not path.is_file():
             raise InputError(f"{path}: no such checkpoint")
         try:
@@ -93,7 +99,7 @@ class Reconstructor:
             grid = GridSettings(**{**described["grid"], "frame": FrameSettings(**described["grid"]["frame"])})
             likelihood = LikelihoodSettings(**described["likelihood"])
             network = build_network(settings, described["dimension"], grid.cells)
-            network.load_state_dict(tensors)
+            network.load_state_dict(unpack(tensors))
             return cls(
                 network=network.to(memory_format=torch.channels_last) if described["dimension"] == 2 else network,
                 network_settings=settings,
