@@ -183,9 +183,9 @@ def test_cluster_weights_are_fitted_without_what_is_to_be_scored(room, monkeypat
     """The gaps hidden for that fit are cut from the given cloud, and the network never sees them while it answers for them."""
     shown = []
     made = reconstructor()
-    original = type(made).reconstruct
+    original = type(made).complete
     monkeypatch.setattr(
-        type(made), "reconstruct", lambda self, grids, *rest, **named: shown.append(grids) or original(self, grids, *rest, **named)
+        type(made), "complete", lambda self, grids, *rest, **named: shown.append(grids) or original(self, grids, *rest, **named)
     )
     cloud = gapped(room)
     mapper = fit(HilbertMap(made, weights="cluster"), cloud)

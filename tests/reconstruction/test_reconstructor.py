@@ -56,7 +56,7 @@ def test_the_mean_over_symmetries_by_hand(dimension, flips):
         value = made.reconstruct(np.ascontiguousarray(moved), flips=1)
         value = np.flip(value, [axis + 1 for axis in axes])
         total += value.swapaxes(1, 2) if swap else value
-    np.testing.assert_allclose(made.reconstruct(grids, flips=flips), total / flips, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(made.reconstruct(grids, flips=flips), total / flips, rtol=2e-3, atol=2e-4)  # kept as float16
 
 
 def test_kernel_values_are_clipped_logits():

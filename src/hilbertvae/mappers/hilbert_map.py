@@ -20,7 +20,7 @@ from hilbertvae.grids.kernel import NONE, FrameIndex, kernel
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, unit_weights
-from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
 
 HIDDEN_GAP_M = 2.5
 """Diameter of the gaps that the `cluster` rule hides from the network while it fits its weights."""
@@ -91,7 +91,8 @@ class HilbertMap(Mapper):
         self.frames_ = find_frames(cloud, self.grid_, self.seed)
         self.index_ = FrameIndex(self.frames_)
         self.factors_ = self._cluster_factors(cloud, resolution_m) if self.weights == "cluster" and len(self.frames_) else None
-        self.grids_ = self._reconstruct(bin_grids(cloud, self.frames_, self.grid_))
+        completed = self._complete(bin_grids(cloud, self.frames_, self.grid_))
+        self.grids_, self.known_ = completed.value, completed.known
 
     def _rank_weights(self) -> RankWeights:
         if self.weights == "unit":
@@ -110,10 +111,10 @@ class HilbertMap(Mapper):
             raise InputError("checkpoint: the Hilbert Map's weights were learned by another version; train again")
         return weights if self.evidence else weights.grids_alone()
 
-    def _reconstruct(self, grids: np.ndarray) -> np.ndarray:
+    def _complete(self, grids: np.ndarray) -> Completion:
         if self.reconstructor is None:
-            return grids
-        return self.reconstructor.reconstruct(grids, self.flips, device=self.device)
+            return Completion(grids, None)
+        return self.reconstructor.complete(grids, self.flips, device=self.device)
 
     def _cluster_factors(self, cloud: Cloud, resolution_m: float) -> np.ndarray:
         """The `cluster` rule's factors, from gaps hidden from the network for this fit alone: else copying would look like skill."""
@@ -122,7 +123,7 @@ class HilbertMap(Mapper):
         hidden = bin_grids(cloud.select(part == OUTSIDE), self.frames_, self.grid_)
         target = cloud.select(part != OUTSIDE)
         holding = self.index_.holding(target.points, self.neighbours)
-        values = kernel(self._reconstruct(hidden), self.frames_, target.points, holding)
+        values = kernel(self._complete(hidden).value, self.frames_, target.points, holding)
         weights = self.rank_weights_.unseen
         offset = np.where((holding != NONE).any(axis=1), weights[-1], 0.0)
         return fit_cluster_weights(values, holding, offset, weights[:-1], target.occupied, len(self.frames_), self.ridge)

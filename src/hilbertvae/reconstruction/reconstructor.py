@@ -26,6 +26,15 @@ from hilbertvae.reconstruction.symmetry import apply, symmetries, undo
 FORMAT = "hilbertvae-reconstructor-1"
 
 
+@dataclass(frozen=True)
+class Completion:
+    """value: float16 (M, n, ..., n), the kernel values of Eq. 7. known: uint8, in 255ths the probability that a cell would be known if
+    its site were scanned as training sites were, 255 where it is; None for a network that does not say."""
+
+    value: np.ndarray
+    known: np.ndarray | None
+
+
 @dataclass
 class Reconstructor:
     """A network, the likelihood it was trained with, and the grids it was trained on.
@@ -44,18 +53,27 @@ class Reconstructor:
     card: dict = field(default_factory=dict)
     seconds: dict = field(default_factory=dict)
 
-    def reconstruct(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> np.ndarray:
-        """float32 kernel values (M, n, ..., n) of int8 `grids (M, n, ..., n)`: the mean over `flips` symmetries (1, 2, 4 or 8)."""
+    def complete(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> Completion:
+        """What the network makes of int8 `grids (M, n, ..., n)`: the mean over `flips` symmetries (1, 2, 4 or 8)."""
         network = self.network.eval().to(device)
         kernel_value = LIKELIHOODS[self.likelihood.kind].kernel_value
         chosen = symmetries(self.dimension)[:flips]
-        values = np.empty(grids.shape, np.float32)
+        value = np.empty(grids.shape, np.float16)
+        known = np.empty(grids.shape, np.uint8) if getattr(self.network_settings, "known", False) else None
         with torch.inference_mode(), torch.autocast(device.split(":")[0], torch.bfloat16):
             for start in range(0, len(grids), batch):
-                shown = torch.from_numpy(grids[start : start + batch]).to(device)
-                total = sum(undo(kernel_value(network(apply(shown, s).contiguous()).output), s) for s in chosen)
-                values[start : start + batch] = (total / len(chosen)).cpu().numpy()
-        return values
+                portion = slice(start, start + batch)
+                shown = torch.from_numpy(grids[portion]).to(device)
+                found = [(s, network(apply(shown, s).contiguous())) for s in chosen]
+                value[portion] = (sum(undo(kernel_value(given.output), s) for s, given in found) / flips).cpu().numpy()
+                if known is not None:
+                    share = sum(undo(torch.sigmoid(given.known.float()), s) for s, given in found) / flips
+                    known[portion] = torch.where(shown != 0, 255, torch.round(255 * share)).to(torch.uint8).cpu().numpy()
+        return Completion(value, known)
+
+    def reconstruct(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> np.ndarray:
+        """float32 kernel values (M, n, ..., n): those of `complete`, alone."""
+        return self.complete(grids, flips, batch, device).value.astype(np.float32)
 
     def save(self, path: str | os.PathLike, packed: bool = False) -> Path:
         """One safetensors file with the weights, `packed` at a quarter of their size, and everything else as JSON in its header."""

@@ -37,7 +37,7 @@ def provenance(
     return {
         "config": without_folders(config),
         "config_hash": hash_of(config if identity is None else identity),
-        "git": git_state(Path(__file__).parent),
+        **made_by(),
         "packages": package_versions(),
         "python": platform.python_version(),
         "host": {
@@ -51,8 +51,12 @@ def provenance(
         "seeds": seeds or {},
         "stage_seconds": seconds or {},
         "peak_memory_mb": peak_memory_mb(),
-        "command": [Path(sys.argv[0]).name, *without_folders(sys.argv[1:])],
     }
+
+
+def made_by() -> dict:
+    """The command that runs, and the commit of the code that it runs."""
+    return {"command": [Path(sys.argv[0]).name, *without_folders(sys.argv[1:])], "git": git_state(Path(__file__).parent)}
 
 
 def without_folders(node):

@@ -14,6 +14,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.hparams import write_hparams
+from hilbertvae.reports.provenance import made_by
 from hilbertvae.site import open_site
 from hilbertvae.training.kept_network import KeptNetwork
 from hilbertvae.training.scoring import Writer, score
@@ -73,6 +74,7 @@ class HilbertMapCallback(L.Callback):
             "epoch": saved["epoch"],
             "steps": saved["global_step"],
             "seed": settings.seed,
+            **made_by(),
             **({"started_from": Reconstructor.load(settings.trainer.initial).card} if settings.trainer.initial else {}),
         }
         grid, likelihood = settings.grid, settings.likelihood
