@@ -60,6 +60,7 @@ def _refuse_unknown(node: object, path: str) -> None:
 def run(settings: Settings, again: bool = True) -> int:
     """Train if a mapper needs it, score all, write everything; the exit code. again: do so even if the results are there already."""
     from hilbertvae.reconstruction.reconstructor import Reconstructor
+    from hilbertvae.reconstruction.shipped import checkpoint_path
     from hilbertvae.reports.report import Report
     from hilbertvae.training.scoring import needs_training, score
     from hilbertvae.training.train import first_rank, train, training_hash
@@ -71,7 +72,8 @@ def run(settings: Settings, again: bool = True) -> int:
     for reference in sites if training else data.test:
         settings.source().check(reference)
     reconstructor = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
-    given = {"checkpoint": file_sha256(settings.checkpoint)} if settings.checkpoint else {}  # by what is in it, wherever it lies
+    # By what is in it, wherever it lies.
+    given = {"checkpoint": file_sha256(checkpoint_path(settings.checkpoint))} if settings.checkpoint else {}
     config = asdict(settings)
     tested = [settings.source().made_of(site) for site in data.test]
     evaluated = {"mapper": settings.mapper, "evaluation": config["evaluation"], "test": tested, **given}

@@ -119,7 +119,7 @@ class Settings:
     """Mappers that are scored at a time, each in a process that opens the site anew. Their times are then those of a busy machine."""
     pictures: bool = True
     checkpoint: str | None = None
-    """Score this `model.safetensors` instead of training."""
+    """Score this `model.safetensors`, or a network that comes with the package (`2d`, `3d`), instead of training."""
     trained: str | None = None
     """Folder where trained networks are kept under the hash of what made them, so that runs that differ in scoring alone train once."""
 

@@ -1,0 +1,63 @@
+"""`hilbertvae-ship`: a trained network becomes one of those that come with the package, and gets its card."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+from hilbertvae.checks import InputError
+from hilbertvae.files import atomic
+from hilbertvae.mappers.calibration import learn_rank_weights
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
+from hilbertvae.reports.card import card_text
+from hilbertvae.site import open_site
+from hilbertvae.training.settings import Settings
+
+
+def ship(checkpoint: Path, name: str) -> Path:
+    """Pack the network of `checkpoint`, learn its map's weights with it as packed, and write it where `load_mapper(name)` looks."""
+    trained = Reconstructor.load(checkpoint)
+    defaults = Settings(dimension=trained.dimension)
+    with tempfile.TemporaryDirectory() as folder:
+        packed = Reconstructor.load(replace(trained, weights={}).save(Path(folder) / "packed.safetensors", packed=True))
+    site = open_site(trained.card["validated_on"], trained.resolution_m, defaults.source())
+    mapper = HilbertMap(packed, flips=defaults.flips)
+    packed.weights = learn_rank_weights(mapper, site, defaults.validation_gap_m, defaults.calibration_seeds)
+    packed.card = {**trained.card, "flips": defaults.flips}
+    return packed.save(checkpoint_path(name), packed=True)
+
+
+def write_card(name: str, results: list[Path]) -> Path:
+    """The card of the network shipped as `name`, beside it."""
+    weights = checkpoint_path(name)
+    text = card_text(name, weights, sorted(results))
+    with atomic(weights.with_suffix(".md")) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return weights.with_suffix(".md")
+
+
+def main(words: list[str] | None = None) -> int:
+    """Entry point; the exit code, 2 for what can't be shipped."""
+    parser = argparse.ArgumentParser(prog="hilbertvae-ship", description=__doc__.split(": ", 1)[1])
+    parser.add_argument("name", choices=SHIPPED, help="what `load_mapper` shall know it as")
+    parser.add_argument("--checkpoint", type=Path, help="model.safetensors of a training; without it the card alone is written anew")
+    parser.add_argument("--results", type=Path, nargs="*", default=[], help="result.json files that scored it, for its card")
+    given = parser.parse_args(words)
+    try:
+        if given.checkpoint:
+            print(f"{given.name}: its map's weights are learned on the validation site")
+            print(ship(given.checkpoint, given.name))
+        print(write_card(given.name, given.results))
+    except (InputError, OSError) as error:
+        print(f"hilbertvae-ship: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,111 @@
+"""The card of a network that comes with the package: trained on what, by what, how good, where it fails, and under whose terms."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from hilbertvae.files import file_sha256
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.shipped import SHIPPED
+from hilbertvae.reports.result_json import read_result
+from hilbertvae.reports.score_table import as_percent, markdown, mean_and_spread
+from hilbertvae.scans.sites import find_site
+from hilbertvae.scoring.result import Result
+
+TERMS = {
+    "ple": "Laser logs collected at github.com/acschaefer/ple, which states no terms for the data.",
+    "kitti": "KITTI (A. Geiger et al., 2013): CC BY-NC-SA 3.0.",
+    "nuscenes": "nuScenes (H. Caesar et al., 2020): CC BY-NC-SA 4.0.",
+    "nclt": "NCLT (N. Carlevaris-Bianco et al., 2016): see its authors' page.",
+    "rellis": "RELLIS-3D (P. Jiang et al., 2021): CC BY-NC-SA 3.0.",
+}
+"""Of scans, by a word in a site's name; 2D logs are all of one source."""
+LIMITS = {
+    2: "Made for buildings at cells of 0.1 m and boxes of 12.8 m or less: outdoors, or at another resolution, it has never been tried.",
+    3: "Made for streets at cells of 0.2 m and boxes of 6.4 m, with the vertical as the third axis: thin poles, the far ends of cars and "
+    "hedges are guessed coarsely, and rooms have never been tried.",
+}
+COLUMNS = {"precision": "P", "recall": "R", "best_f1": "best F1", "auc": "AUC", "nll": "NLL", "ece": "ECE", "base_rate": "base rate"}
+SHARES = ("precision", "recall", "best_f1", "auc", "base_rate")
+MAPPERS = {"cvae-hm-points": "points", "cvae-hm": "voxels"}
+"""Each calibration is scored on the reading that it is for."""
+
+
+def card_text(name: str, weights: Path, results: list[Path]) -> str:
+    """Markdown about the network shipped as `name`, from the header of its file and from result files."""
+    network = Reconstructor.load(weights)
+    card = network.card
+    count = sum(parameter.numel() for parameter in network.network.parameters())
+    lines = [
+        f"# {name}: {SHIPPED[name]}",
+        f'`hilbertvae.load_mapper("{name}")`. {count:,} weights, as int8 with a scale per channel; {weights.stat().st_size:,} bytes; '
+        f"sha256 `{file_sha256(weights)}`. Grids of {network.grid.cells}^{network.dimension} cells of {network.grid.cell_m:g} m.",
+        "## Trained",
+        *_trained(card),
+        f"The Hilbert Map's weights were learned on {card['validated_on']}, over {card.get('flips', 4)} flips.",
+        "## Scores",
+        *([_scores([read_result(path)[0] for path in results]), _made(results)] if results else ["Not scored yet."]),
+        "## Limits",
+        LIMITS[network.dimension] + " What it fills in is a guess from other places; `observed(points)` tells what was seen.",
+        "## Terms",
+        _terms(card),
+    ]
+    return "\n\n".join(lines) + "\n"
+
+
+def _trained(card: dict) -> list[str]:
+    said = []
+    for number, stage in enumerate(_stages(card)):
+        command = f", by `{' '.join(stage['command'])}`" if "command" in stage else ""
+        commit = f" at commit {stage['git']['commit'][:7]}" if stage.get("git") else ""
+        said.append(
+            f"{number + 1}. On {', '.join(stage['trained_on'])}, best weights by {stage['validated_on']}: epoch {stage['epoch']}, "
+            f"step {stage['steps']}, seed {stage['seed']}{command}{commit}."
+        )
+    return ["\n".join(said)]
+
+
+def _stages(card: dict) -> list[dict]:
+    """What the network was trained on, first things first."""
+    before = card.get("started_from")
+    return [*(_stages(before) if before else []), card]
+
+
+def _scores(results: list[Result]) -> str:
+    rows = []
+    for result in results:
+        for mapper, reading in MAPPERS.items():
+            for region, metrics in result.scores.get(mapper, {}).get(reading, {}).items():
+                if region in ("observed", "gaps", "gaps-above-ground") or region.startswith("occluded"):
+                    rows.append([result.site, region, reading, *(_cell(metrics, metric) for metric in COLUMNS)])
+    return markdown(["site", "region", "reading", *COLUMNS.values()], rows, words=(1, 2))
+
+
+def _cell(metrics: dict[str, list[float]], metric: str) -> str:
+    mean, spread = mean_and_spread(metrics[metric])
+    return as_percent(mean, spread) if metric in SHARES else f"{mean:.3f}"
+
+
+def _made(results: list[Path]) -> str:
+    said = []
+    for path in results:
+        about = json.loads(path.read_text(encoding="utf-8"))
+        commit = (about.get("git") or {}).get("commit", "")[:7]
+        said.append(f"`{' '.join(about['command'])}` at commit {commit} ({about['site']}, gap seeds {about['gap_seeds']})")
+    return (
+        "Shares in percent, mean±sd over gap seeds of 2.5 m; precision and recall at p > 0.6. observed: held-out beams. Points are scored "
+        'with `calibration="points"`. By ' + "; ".join(said) + "."
+    )
+
+
+def _terms(card: dict) -> str:
+    sites = sorted({site for stage in _stages(card) for site in (*stage["trained_on"], stage["validated_on"]) if " " not in site})
+    real = [site for site in sites if not site.startswith("simulated")]
+    if not real:
+        return "Trained and chosen on simulated sites alone: nobody's scans are in it. MIT, as the package."
+    known = [TERMS["ple"]] if find_site(real[0]).dimension == 2 else [text for word, text in TERMS.items() if any(word in s for s in real)]
+    return (
+        "Learned from real scans, whose owners' terms may reach to what is learned from them. If that matters to you, take the one that "
+        "was trained on simulated sites alone.\n\n" + "\n".join(f"- {text}" for text in known)
+    )

@@ -1,0 +1,83 @@
+"""A network becomes one that comes with the package, in a folder of its own."""
+
+import numpy as np
+import pytest
+
+import hilbertvae
+from hilbertvae.commands import ship
+from hilbertvae.commands.ship import main
+from hilbertvae.reconstruction import shipped
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reports.result_json import write_result
+from hilbertvae.scoring.protocol import Protocol, evaluate
+from toy_rooms import tiny_reconstructor
+
+CARD = {"trained_on": ["fr079", "2 simulated buildings"], "validated_on": "toy", "epoch": 3, "steps": 40, "seed": 0,
+        "command": ["hilbertvae-train", "name=toy"], "git": {"commit": "0123456789", "dirty": False}}  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, room):
+    monkeypatch.setattr(shipped, "FOLDER", tmp_path / "weights")
+    monkeypatch.setattr(ship, "open_site", lambda *where: room)
+    return tmp_path / "weights"
+
+
+@pytest.fixture
+def trained(tmp_path):
+    made = tiny_reconstructor(seed=3)
+    made.card = {**CARD, "started_from": {**CARD, "trained_on": ["aces"], "command": ["hilbertvae-train", "name=before"]}}
+    return made.save(tmp_path / "model.safetensors")
+
+
+def test_a_shipped_network_is_loaded_by_its_name(folder, trained, room):
+    assert main(["2d", "--checkpoint", str(trained)]) == 0
+    mapper = hilbertvae.load_mapper("2d", neighbours=5)
+    weights = mapper.reconstructor.weights
+    assert weights.keys() == {"points", "voxels"} and mapper.reconstructor.card["trained_on"] == CARD["trained_on"]
+    assert (folder / "2d.safetensors").stat().st_size < trained.stat().st_size
+    found = mapper.fit(room.fit.points, room.fit.occupied, room.fit.weight).predict_proba(room.fit.points)
+    assert np.isfinite(found).all() and found[room.fit.occupied, 1].mean() > found[~room.fit.occupied, 1].mean()
+
+
+def test_a_packed_network_says_nearly_the_same(folder, trained):
+    main(["2d", "--checkpoint", str(trained)])
+    grids = np.random.default_rng(0).integers(-1, 2, (4, 16, 16)).astype(np.int8)
+    whole, packed = (Reconstructor.load(path).reconstruct(grids) for path in (trained, "2d"))
+    assert np.abs(whole - packed).max() < 0.05 * np.abs(whole).max()
+    assert (whole != packed).any()
+
+
+def test_the_card_says_what_there_is_to_know(folder, trained, room, tmp_path):
+    main(["2d", "--checkpoint", str(trained)])
+    result = evaluate(hilbertvae.load_mapper("2d"), room, Protocol(gap_seeds=[0, 1], gap_ratio=0.2, occlusion=False), "cvae-hm")
+    path = write_result(
+        tmp_path / "result.json", result, {"command": ["hilbertvae-train", "checkpoint=2d"], "git": {"commit": "abcdefabcd"}}
+    )
+    assert main(["2d", "--results", str(path)]) == 0
+    text = (folder / "2d.md").read_text()
+    for said in (
+        "1. On aces, best weights by toy: epoch 3, step 40, seed 0, by `hilbertvae-train name=before` at commit 0123456.",
+        "2. On fr079, 2 simulated buildings",
+        "by `hilbertvae-train name=toy`",
+        f"| {room.name} | gaps | voxels |",
+        "`hilbertvae-train checkpoint=2d` at commit abcdefa",
+        "states no terms for the data",
+    ):
+        assert said in text, said
+    assert main(["2d"]) == 0 and "Not scored yet." in (folder / "2d.md").read_text()
+
+
+def test_what_learned_from_simulated_sites_alone_is_free(folder, tmp_path):
+    made = tiny_reconstructor()
+    made.card = {**CARD, "trained_on": ["60 simulated buildings"], "validated_on": "simulated:900001"}
+    assert main(["2d-sim", "--checkpoint", str(made.save(tmp_path / "model.safetensors"))]) == 0
+    assert "nobody's scans are in it" in (folder / "2d-sim.md").read_text()
+
+
+def test_what_can_not_be_shipped(folder, tmp_path, capsys):
+    assert main(["2d", "--checkpoint", str(tmp_path / "gone.safetensors")]) == 2
+    assert "gone.safetensors: no such checkpoint" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["4d", "--checkpoint", str(tmp_path)])
+    assert not folder.exists()
