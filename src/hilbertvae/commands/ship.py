@@ -10,11 +10,11 @@ from pathlib import Path
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import atomic
-from hilbertvae.mappers.calibration import learn_rank_weights
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
 from hilbertvae.reports.card import card_text
+from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.site import open_site
 from hilbertvae.training.settings import Settings
 

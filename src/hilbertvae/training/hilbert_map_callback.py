@@ -9,12 +9,12 @@ from pathlib import Path
 import lightning as L
 import torch
 
-from hilbertvae.mappers.calibration import learn_rank_weights
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.provenance import made_by
+from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.site import open_site
 from hilbertvae.training.kept_network import KeptNetwork
 from hilbertvae.training.scoring import Writer, score

@@ -9,10 +9,10 @@ from joblib import Parallel, delayed
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import hash_of
-from hilbertvae.mappers.calibration import learn_rank_weights
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.protocol import evaluate_all
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site, open_site

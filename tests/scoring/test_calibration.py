@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 from hilbertvae.gaps import OUTSIDE, random_gaps
-from hilbertvae.mappers import calibration
-from hilbertvae.mappers.calibration import learn_rank_weights
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.weights import RankWeights, unit_weights
+from hilbertvae.scoring import calibration
+from hilbertvae.scoring.calibration import learn_rank_weights
+from hilbertvae.scoring.cases import occluded_parts, occlusion_case
 from toy_rooms import tiny_reconstructor
 
 
@@ -24,7 +25,7 @@ class Recorder(HilbertMap):
 @pytest.fixture(scope="module")
 def learning(place):
     mapper = Recorder(tiny_reconstructor(place.dimension))
-    return mapper, learn_rank_weights(mapper, place, 1.2, [100, 101]), place
+    return mapper, learn_rank_weights(mapper, place, 1.2, [100, 101], occlusion=False), place
 
 
 def test_both_readings_are_learned(learning):
@@ -77,5 +78,22 @@ def test_what_was_learned_is_better_than_unit_weights(learning, reading):
 def test_large_sites_are_thinned(room, monkeypatch):
     monkeypatch.setattr(calibration, "MOST_QUERIES", 400)
     mapper = Recorder(tiny_reconstructor())
-    assert set(learn_rank_weights(mapper, room, 1.2, [100, 101])) == {"points", "voxels"}
+    assert set(learn_rank_weights(mapper, room, 1.2, [100, 101], occlusion=False)) == {"points", "voxels"}
     assert [len(queries) for queries in mapper.asked] == [200] * 4
+
+
+def test_what_scans_that_were_left_out_saw_teaches_voxels_too(place, learning):
+    """Each part that is kept is shown once, without held-out beams, and asked for what the others saw beyond it."""
+    mapper = Recorder(tiny_reconstructor(place.dimension))
+    learned = learn_rank_weights(mapper, place, 1.2, [100, 101])
+    expected = [
+        occlusion_case(place, region, kept)
+        for seed in (100, 101)
+        for region, kept in occluded_parts(place.scans, seed).items()
+        if region == "occluded-sparse" or seed == 100  # the first half is the same for every seed
+    ]
+    asked = [case.asked["voxels"].points for case in expected if len(case.asked["voxels"].points)]
+    assert asked and len(mapper.given) == 2 + len(asked)
+    for found, queries in zip(mapper.asked[4:], asked, strict=True):
+        np.testing.assert_array_equal(found, queries)
+    assert learned["points"] == learning[1]["points"] and learned["voxels"] != learning[1]["voxels"]

@@ -1,0 +1,55 @@
+"""The `rank` weights of the Hilbert Map, learned on the validation site, which the network has not been trained on (METHOD 5)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hilbertvae.cloud import Cloud
+from hilbertvae.gaps import OUTSIDE, RIM, random_gaps
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.weights import fit_rank_weights
+from hilbertvae.scoring.cases import occluded_parts, occlusion_case
+from hilbertvae.site import Site
+
+MOST_QUERIES = 400_000
+
+
+def learn_rank_weights(mapper: HilbertMap, site: Site, gap_diameter_m: float, seeds: list[int], occlusion: bool = True) -> dict[str, dict]:
+    """Plain rank weights by reading (`points`, `voxels`), from inputs with parts hidden, and what was hidden.
+
+    Hidden are gaps and held-out beams, and for `voxels` also what scans that were left out saw (`occlusion`): a map that is sure in
+    gaps alone would be as sure behind things. One network serves both readings; only these weights differ, since a probability is
+    calibrated for what it was fitted on.
+    """
+    gathered: dict[str, list] = {"points": [], "voxels": []}
+    most = MOST_QUERIES // len(seeds)
+
+    def gather(reading: str, cloud: Cloud, asked: np.ndarray, seed: int) -> None:
+        if len(asked) > most:
+            asked = np.random.default_rng(seed).choice(asked, most, replace=False)
+        gathered[reading].append((*mapper.features(cloud.points[asked]), cloud.occupied[asked]))
+
+    for seed in seeds:
+        gaps = random_gaps(site.fit, gap_diameter_m, site.resolution_m, seed)
+        _show(mapper, gaps.cut(site.fit), seed)
+        for reading, cloud, held_out in (
+            ("points", site.points, site.points_held_out),
+            ("voxels", site.voxels, site.voxels_held_out),
+        ):
+            part = gaps.part(cloud.points)
+            gather(reading, cloud, np.flatnonzero((part != RIM) & (held_out | (part != OUTSIDE))), seed)
+    parts = {kept.tobytes(): (region, kept, seed) for seed in seeds for region, kept in occluded_parts(site.scans, seed).items()}
+    for region, kept, seed in parts.values() if occlusion else ():
+        case = occlusion_case(site, region, kept)
+        asked = case.asked["voxels"]
+        if len(asked.points) and case.shown.occupied.any():
+            _show(mapper, case.shown, seed)
+            gather("voxels", Cloud(asked.points, asked.occupied, np.ones(len(asked.points))), np.arange(len(asked.points)), seed)
+    learned = {}
+    for reading, portions in gathered.items():
+        learned[reading] = fit_rank_weights(*(np.concatenate(column) for column in zip(*portions, strict=True))).plain()
+    return learned
+
+
+def _show(mapper: HilbertMap, shown: Cloud, seed: int) -> None:
+    mapper.set_params(seed=seed).fit(shown.points, shown.occupied, shown.weight)
