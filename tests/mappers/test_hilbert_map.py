@@ -24,7 +24,7 @@ FEATURES = 13
 def learned(neighbours=5, seed=0):
     rng = np.random.default_rng(seed)
     unseen, everywhere = rng.uniform(0.1, 1, (2, neighbours + 1))
-    return RankWeights(unseen, rng.uniform(-0.3, 0.3, FEATURES + 2), everywhere).plain()
+    return RankWeights(unseen, rng.uniform(-0.3, 0.3, FEATURES + 2), everywhere, rng.uniform(0.1, 1, 2)).plain()
 
 
 def reconstructor(dimension=2):
@@ -49,7 +49,7 @@ def fitted(request, place):
     return fit(HilbertMap(network, weights=weights, grid=grid), gapped(place)), place
 
 
-def answers_by_loop(mapper, cloud, queries, grids):
+def answers_by_loop(mapper, cloud, queries, grids, known):
     """Eq. 7, 8 and 14 for each query by itself, from grids, frames and evidence."""
     frames, evidence = mapper.frames_, Evidence(cloud.points, cloud.occupied, cloud.weight, mapper.evidence_.resolution_m)
     weights, cells = mapper.rank_weights_, grids.shape[1]
@@ -60,14 +60,19 @@ def answers_by_loop(mapper, cloud, queries, grids):
             inside = (query - frames.centre[m]) / frames.scale[m] + 0.5
             if ((inside >= 0) & (inside < 1)).all():
                 factor = 1.0 if mapper.factors_ is None else mapper.factors_[m]
-                held.append((np.linalg.norm(query - frames.centre[m]), factor * grids[m][tuple((inside * cells).astype(int))]))
-        values = [value for _, value in sorted(held)[: mapper.neighbours]]
+                cell = tuple((inside * cells).astype(int))
+                said = 1.0 if known is None else known[m][cell] / 255
+                held.append((np.linalg.norm(query - frames.centre[m]), factor * grids[m][cell], said))
+        nearest = sorted(held)[: mapper.neighbours]
+        values, share = [value for _, value, _ in nearest], np.mean([said for _, _, said in nearest]) if nearest else 0.0
         voxel = evidence.find(query[None])
         if mapper.evidence and voxel[0] >= 0:
             features = [*evidence.features(query[None], voxel)[0], np.mean(values) if values else 0.0, 1.0]
             logit = np.dot(weights.seen, features)
         elif values:
             logit = np.dot(weights.unseen[: len(values)], values) + weights.unseen[-1]
+            logit += share * (weights.known[0] + weights.known[1] * np.mean(values))
+            logit *= min(1.0, share / 0.1)
         else:
             logit = 0.0
         found.append(1 / (1 + np.exp(-logit)))
@@ -80,9 +85,11 @@ def test_answers_equal_brute_force(fitted):
     low, high = place.fit.points.min(axis=0) - 1, place.fit.points.max(axis=0) + 1
     queries = np.random.default_rng(0).uniform(low, high, (150, place.dimension))
     grids = bin_grids(cloud, find_frames(cloud, mapper.grid_, 0), mapper.grid_)
+    known = None
     if mapper.reconstructor is not None:
-        grids = mapper.reconstructor.reconstruct(grids)
-    expected = answers_by_loop(mapper, cloud, queries, grids)
+        completed = mapper.reconstructor.complete(grids)
+        grids, known = completed.value.astype(float), completed.known
+    expected = answers_by_loop(mapper, cloud, queries, grids, known)
     np.testing.assert_allclose(mapper.predict_proba(queries)[:, 1], expected, rtol=0, atol=1e-4)
     assert np.std(expected) > 0.01
 
@@ -93,7 +100,7 @@ def test_without_evidence_only_grids_answer(room):
     np.testing.assert_array_equal(mapper.rank_weights_.unseen, learned()["everywhere"])
     queries = cloud.points[::50]
     np.testing.assert_allclose(
-        mapper.predict_proba(queries)[:, 1], answers_by_loop(mapper, cloud, queries, mapper.grids_), rtol=0, atol=1e-4
+        mapper.predict_proba(queries)[:, 1], answers_by_loop(mapper, cloud, queries, mapper.grids_, mapper.known_), rtol=0, atol=1e-4
     )
     assert mapper.observed(queries).all()
 
@@ -116,7 +123,7 @@ def test_where_no_box_holds_a_query_evidence_answers_alone(room):
         mapper = fit(HilbertMap(reconstructor(), weights=weights), cloud)
         holding = mapper.index_.holding(far, 5)
         assert (holding == -1).all()
-        expected = answers_by_loop(mapper, cloud, far, mapper.grids_)
+        expected = answers_by_loop(mapper, cloud, far, mapper.grids_, mapper.known_)
         np.testing.assert_allclose(mapper.predict_proba(far)[:, 1], expected, rtol=0, atol=1e-4)
     unit = fit(HilbertMap(weights="unit", grid=tiny_grid()), cloud)
     assert (unit.predict_proba(far)[:, 1] < 0.4).all() and (unit.predict_proba(wall)[:, 1] > 0.6).all()
@@ -177,6 +184,18 @@ def test_calibration_chooses_the_weights(room):
         np.testing.assert_array_equal(mapper.rank_weights_.unseen, made.weights[reading]["unseen"])
     made.weights = {}  # never learned: as in the author's real-time code
     np.testing.assert_array_equal(fit(HilbertMap(made), gapped(room)).rank_weights_.unseen, [1, 1, 1, 1, 1, 0])
+
+
+def test_what_would_be_known(fitted):
+    """1 where it is, 0 where no grid reaches, and between them what the network says, if it does."""
+    mapper, place = fitted
+    low, high = mapper.frames_.boxes()
+    queries = np.random.default_rng(0).uniform(low.min(axis=0) - 2, high.max(axis=0) + 2, (400, place.dimension))
+    found, observed = mapper.known(queries), mapper.observed(queries)
+    reached = np.array([((query >= low) & (query < high)).all(axis=1).any() for query in queries])
+    assert (found[observed] == 1).all() and (found[~observed & ~reached] == 0).all()
+    between = found[~observed & reached]
+    assert len(between) and ((between > 0) & (between < 1)).all() if mapper.known_ is not None else (between == 1).all()
 
 
 def test_cluster_weights_are_fitted_without_what_is_to_be_scored(room, monkeypatch):

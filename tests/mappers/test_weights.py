@@ -63,14 +63,14 @@ def random_features(seed=0, count=60, ranks=3, kinds=4):
     held = rng.integers(0, ranks + 1, count)
     values = np.where(np.arange(ranks) < held[:, None], rng.normal(size=(count, ranks)), 0.0).astype(np.float32)
     seen = rng.random(count) < 0.5
-    return values, held, seen, rng.normal(size=(seen.sum(), kinds))
+    return values, held, rng.random(count) * (held > 0), seen, rng.normal(size=(seen.sum(), kinds))
 
 
 def test_the_logit_query_by_query():
-    values, held, seen, evidence = random_features()
+    values, held, known, seen, evidence = random_features()
     rng = np.random.default_rng(1)
-    weights = RankWeights(rng.normal(size=4), rng.normal(size=6), rng.normal(size=4))
-    found = weights.logit(values, held, seen, evidence)
+    weights = RankWeights(rng.normal(size=4), rng.normal(size=6), rng.normal(size=4), rng.normal(size=2))
+    found = weights.logit(values, held, known, seen, evidence)
     row = 0
     for q in range(len(values)):
         if seen[q]:
@@ -79,6 +79,8 @@ def test_the_logit_query_by_query():
             row += 1
         elif held[q]:
             expected = sum(w * k for w, k in zip(weights.unseen[:3], values[q], strict=True)) + weights.unseen[3]
+            expected += known[q] * (weights.known[0] + weights.known[1] * values[q].sum() / held[q])
+            expected *= min(1, known[q] / 0.1)
         else:
             expected = 0.0  # nothing is known: p = 0.5
             assert found[q] == 0.0
@@ -86,19 +88,19 @@ def test_the_logit_query_by_query():
 
 
 def test_a_logit_is_a_querys_own():
-    values, held, seen, evidence = random_features(count=200)
-    weights = RankWeights(*(np.random.default_rng(1).normal(size=n) for n in (4, 6, 4)))
-    whole = weights.logit(values, held, seen, evidence)
+    values, held, known, seen, evidence = random_features(count=200)
+    weights = RankWeights(*(np.random.default_rng(1).normal(size=n) for n in (4, 6, 4, 2)))
+    whole = weights.logit(values, held, known, seen, evidence)
     row = np.cumsum(seen) - 1
     for q in range(len(values)):
         alone = slice(q, q + 1)
-        one = weights.logit(values[alone], held[alone], seen[alone], evidence[row[q] : row[q] + seen[q]])
+        one = weights.logit(values[alone], held[alone], known[alone], seen[alone], evidence[row[q] : row[q] + seen[q]])
         np.testing.assert_array_equal(one, whole[alone])
 
 
 def test_unit_weights_sum_kernel_values_and_add_the_log_odds():
-    values, held, seen, evidence = random_features()
-    found = unit_weights(3, 4).logit(values, held, seen, evidence)
+    values, held, known, seen, evidence = random_features()
+    found = unit_weights(3, 4).logit(values, held, np.sign(held), seen, evidence)
     unseen = ~seen
     np.testing.assert_allclose(found[unseen], values[unseen].sum(axis=1), atol=1e-6)
     mean = values[seen].sum(axis=1) / np.maximum(held[seen], 1)
@@ -119,10 +121,12 @@ def test_rank_weights_are_found_again():
     values, held = rng.normal(size=(count, ranks)), np.full(count, ranks)
     seen = rng.random(count) < 0.5
     evidence = rng.normal(size=(seen.sum(), 2))
-    true = RankWeights(np.array([1.2, 0.6, 0.0, -0.4]), np.array([1.5, -0.7, 0.5, 0.3]), np.zeros(4))
-    occupied = rng.random(count) < 1 / (1 + np.exp(-true.logit(values, held, seen, evidence)))
-    found = fit_rank_weights(values, held, seen, evidence, occupied)
-    np.testing.assert_allclose(found.unseen, true.unseen, atol=0.1)
+    known = rng.uniform(0.1, 1, count)
+    true = RankWeights(np.array([1.2, 0.6, 0.0, -0.4]), np.array([1.5, -0.7, 0.5, 0.3]), np.zeros(4), np.array([0.8, 0.5]))
+    occupied = rng.random(count) < 1 / (1 + np.exp(-true.logit(values, held, known, seen, evidence)))
+    found = fit_rank_weights(values, held, known, seen, evidence, occupied)
+    np.testing.assert_allclose(found.unseen, true.unseen, atol=0.15)
+    np.testing.assert_allclose(found.known, true.known, atol=0.2)
     np.testing.assert_allclose(found.seen, true.seen, atol=0.1)
     assert (found.unseen[:ranks] >= 0).all() and found.seen[0] >= 0 and found.seen[-2] >= 0
 
@@ -137,13 +141,22 @@ def test_weights_of_grids_alone_are_fitted_on_every_query_in_a_box():
     in_gaps, observed = np.array([1.0, 0.5, 0.2, 0.3]), np.array([2.0, 1.0, 0.4, -0.5])
     logit = np.where(seen, values @ observed[:3] + observed[3], values @ in_gaps[:3] + in_gaps[3])
     occupied = np.where(held > 0, rng.random(count) < 1 / (1 + np.exp(-logit)), True)
-    found = fit_rank_weights(values, held, seen, np.zeros((seen.sum(), 2)), occupied)
+    known = (held > 0).astype(float)  # as of a network that does not say
+    found = fit_rank_weights(values, held, known, seen, np.zeros((seen.sum(), 2)), occupied)
     inside = held > 0
     expected = LogisticRegression(C=np.inf, fit_intercept=False, tol=1e-10).fit(values[inside], occupied[inside])
     np.testing.assert_allclose(found.everywhere[:-1], expected.coef_[0], atol=5e-3)
     assert found.everywhere[-1] == 0  # grids that know nothing answer 0, and p must be 0.5 there
-    np.testing.assert_allclose(found.unseen, in_gaps, atol=0.12)
+    # Then what is known says the same in all boxes, and its weights and the others can't be told apart: only their sum counts.
+    sums = found.unseen + np.append(np.full(ranks, found.known[1] / ranks), found.known[0])
+    np.testing.assert_allclose(sums, in_gaps, atol=0.12)
     np.testing.assert_array_equal(found.grids_alone().unseen, found.everywhere)
+
+
+def test_weights_of_before_networks_said_what_would_be_known():
+    plain = unit_weights(3, 4).plain()
+    del plain["known"]
+    np.testing.assert_array_equal(RankWeights.from_plain(plain).known, [0, 0])
 
 
 @pytest.mark.parametrize("missing", ["unseen", "seen", "everywhere"])
@@ -158,7 +171,7 @@ def test_weights_of_another_version_are_named(missing):
 def test_rank_weights_need_gaps_and_observed_voxels(all_seen):
     seen = np.full(5, all_seen)
     with pytest.raises(InputError, match="expected queries both in gaps and in observed voxels"):
-        fit_rank_weights(np.ones((5, 2)), np.full(5, 2), seen, np.ones((5 * all_seen, 3)), np.arange(5) < 2)
+        fit_rank_weights(np.ones((5, 2)), np.full(5, 2), np.ones(5), seen, np.ones((5 * all_seen, 3)), np.arange(5) < 2)
 
 
 def test_cluster_weights_by_an_explicit_sum():

@@ -19,7 +19,7 @@ from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernel
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, unit_weights
+from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, known_features, unit_weights
 from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
 
 HIDDEN_GAP_M = 2.5
@@ -123,21 +123,31 @@ class HilbertMap(Mapper):
         hidden = bin_grids(cloud.select(part == OUTSIDE), self.frames_, self.grid_)
         target = cloud.select(part != OUTSIDE)
         holding = self.index_.holding(target.points, self.neighbours)
-        values = kernel(self._complete(hidden).value, self.frames_, target.points, holding)
-        weights = self.rank_weights_.unseen
-        offset = np.where((holding != NONE).any(axis=1), weights[-1], 0.0)
-        return fit_cluster_weights(values, holding, offset, weights[:-1], target.occupied, len(self.frames_), self.ridge)
+        completed = self._complete(hidden)
+        values = kernel(completed.value, self.frames_, target.points, holding)
+        held, known = (holding != NONE).sum(axis=1), self._mean_known(completed.known, target.points, holding)
+        weights = self.rank_weights_
+        offset = np.where(held > 0, weights.unseen[-1] + (known_features(values, held, known) * weights.known).sum(axis=1), 0.0)
+        return fit_cluster_weights(values, holding, offset, weights.unseen[:-1], target.occupied, len(self.frames_), self.ridge)
 
-    def features(self, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, and the
-        evidence (S, F) of those whose was."""
+    def features(self, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), how likely it would be known (Q,), whether its voxel
+        was seen (Q,) bool, and the evidence (S, F) of those whose was."""
         holding = self.index_.holding(queries, self.neighbours)
         values = kernel(self.grids_, self.frames_, queries, holding)
         if self.factors_ is not None:
             values *= np.where(holding != NONE, self.factors_[holding], 0.0)
+        known = self._mean_known(self.known_, queries, holding)
         voxel = self.evidence_.find(queries) if self.evidence else np.full(len(queries), NONE)
         seen = voxel != NONE
-        return values, (holding != NONE).sum(axis=1), seen, self.evidence_.features(queries[seen], voxel[seen])
+        return values, (holding != NONE).sum(axis=1), known, seen, self.evidence_.features(queries[seen], voxel[seen])
+
+    def _mean_known(self, grids: np.ndarray | None, queries: np.ndarray, holding: np.ndarray) -> np.ndarray:
+        """(Q,) the mean over the boxes that hold each query; 1 in any box of a network that does not say, and 0 outside of all."""
+        held = (holding != NONE).sum(axis=1)
+        if grids is None:
+            return (held > 0).astype(np.float32)
+        return kernel(grids, self.frames_, queries, holding).sum(axis=1) / (255 * np.maximum(held, 1))
 
     def _probability(self, queries):
         return expit(self.rank_weights_.logit(*self.features(queries)))
@@ -146,6 +156,13 @@ class HilbertMap(Mapper):
         """How many grids the fitted map has."""
         check_is_fitted(self)
         return len(self.frames_)
+
+    def known(self, queries) -> np.ndarray:
+        """(Q,) how likely it is that scans of this place would see the cell of each query at all: 1 where they did, 0 far from all that
+        they saw, little inside walls and below the ground. A network that was not taught this says 1 wherever a grid of it reaches."""
+        queries = self._checked(queries)
+        found = self._mean_known(self.known_, queries, self.index_.holding(queries, self.neighbours))
+        return np.where(self.evidence_.find(queries) != NONE, 1.0, found)
 
     def observed(self, queries) -> np.ndarray:
         """(Q,) bool: whether the voxel of each query was observed."""

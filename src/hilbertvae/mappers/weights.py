@@ -6,7 +6,7 @@ sum log(1 + exp(-y w . Phi)) + R(w).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.optimize import minimize
@@ -14,6 +14,10 @@ from scipy.sparse import csr_matrix
 from scipy.special import expit
 
 from hilbertvae.checks import InputError
+
+NAMES = ("unseen", "seen", "everywhere", "known")
+KNOWN_ENOUGH = 0.1
+"""Below this probability of being known at all, a cell's logit fades. Next to no query of csail's gaps and occlusions is below."""
 
 
 @dataclass(frozen=True)
@@ -23,35 +27,49 @@ class RankWeights:
     unseen: (K + 1,) where nothing was observed: w_r of the r-th nearest grid's kernel value, and a constant for being in any box.
     seen: (F + 2,) in an observed voxel: the evidence's features, the mean kernel value, and a constant.
     everywhere: (K + 1,), like `unseen` but with a constant of 0, for a map that knows its grids alone, as the paper's does.
+    known: (2,) where nothing was observed, of how likely it is that a scan would have seen the cell, and of that times the mean kernel
+    value: a gap is surer to be known than what lies behind things, and what a network says of it is worth more.
     There is no intercept outside of all boxes: where nothing is known, p is 0.5.
     """
 
     unseen: np.ndarray
     seen: np.ndarray
     everywhere: np.ndarray
+    known: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     def grids_alone(self) -> RankWeights:
         """The weights of a map without evidence."""
         return RankWeights(self.everywhere, self.seen, self.everywhere)
 
-    def logit(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
-        """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, and `evidence (S, F)` of those `seen (Q,)`."""
-        logit = np.where(held > 0, (values * self.unseen[:-1]).sum(axis=1) + self.unseen[-1], 0.0)
+    def logit(self, values: np.ndarray, held: np.ndarray, known: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
+        """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, how likely it would be `known (Q,)`, and `evidence
+        (S, F)` of those `seen (Q,)`.
+
+        Where a network says that no scan would see a cell, inside walls and below the ground, what it makes of the cell is arbitrary:
+        there the logit fades to 0.
+        """
         # Sums along rows, not a matrix product: BLAS rounds a row differently from batch to batch.
+        logit = (values * self.unseen[:-1]).sum(axis=1) + self.unseen[-1] + (known_features(values, held, known) * self.known).sum(axis=1)
+        logit = np.where(held > 0, logit * np.minimum(known / KNOWN_ENOUGH, 1.0), 0.0)
         logit[seen] = (seen_features(values[seen], held[seen], evidence) * self.seen).sum(axis=1)
         return logit
 
     def plain(self) -> dict:
         """As lists, for JSON."""
-        return {name: getattr(self, name).tolist() for name in ("unseen", "seen", "everywhere")}
+        return {name: getattr(self, name).tolist() for name in NAMES}
 
     @classmethod
     def from_plain(cls, plain: dict) -> RankWeights:
         """The inverse of `plain`; an `InputError` for weights of another version."""
         try:
-            return cls(*(np.asarray(plain[name], float) for name in ("unseen", "seen", "everywhere")))
+            return cls(*(np.asarray(plain[name], float) for name in NAMES if name != "known" or name in plain))
         except KeyError as error:
             raise InputError(f"checkpoint: the Hilbert Map's weights lack {error}; they were learned by another version") from error
+
+
+def known_features(values: np.ndarray, held: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """(Q, 2): how likely a cell would be known, and that times the mean kernel value of the boxes that hold the query."""
+    return np.column_stack([known, known * values.sum(axis=1) / np.maximum(held, 1)])
 
 
 def seen_features(values: np.ndarray, held: np.ndarray, evidence: np.ndarray) -> np.ndarray:
@@ -68,19 +86,19 @@ def unit_weights(nearest: int, evidence_features: int) -> RankWeights:
     return RankWeights(grids, seen, grids)
 
 
-def fit_rank_weights(values, held, seen, evidence, occupied) -> RankWeights:
+def fit_rank_weights(values, held, known, seen, evidence, occupied) -> RankWeights:
     """Rank weights from queries with known labels: kernel weights non-negative, the rest free, a light ridge for R(w)."""
     unseen, inside = ~seen & (held > 0), held > 0
     if not unseen.any() or not seen.any():
         raise InputError("rank weights: expected queries both in gaps and in observed voxels")
     ranks = values.shape[1]
-    features = np.column_stack([values, np.ones(len(values))])
-    in_gaps = logistic_weights(features[unseen], occupied[unseen], nonnegative=np.arange(ranks))
+    features = np.column_stack([values, np.ones(len(values)), known_features(values, held, known)])
+    in_gaps = logistic_weights(features[unseen], occupied[unseen], nonnegative=np.append(np.arange(ranks), ranks + 2))
     # No constant here: the paper's grids say 0 where they know nothing, and there p must be 0.5.
     everywhere = np.append(logistic_weights(values[inside], occupied[inside], nonnegative=np.arange(ranks)), 0.0)
     features = seen_features(values[seen], held[seen], evidence)
     observed = logistic_weights(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]))
-    return RankWeights(in_gaps, observed, everywhere)
+    return RankWeights(in_gaps[: ranks + 1], observed, everywhere, in_gaps[ranks + 1 :])
 
 
 def fit_cluster_weights(values, holding, offset, rank_weights: np.ndarray, occupied, clusters: int, ridge: float) -> np.ndarray:
