@@ -53,6 +53,7 @@ def main(words: list[str] | None = None) -> None:
             continue
         with tempfile.TemporaryDirectory() as folder:
             seconds, found = seconds_of(lambda words=words, folder=folder: run(words, Path(folder)))
+        print(f"{name}: {seconds:.0f} s", file=sys.stderr, flush=True)
         expected = expected or found["scores"]
         jobs = sum(bool(scores) for scores in found["scores"].values())
         same = "" if name.startswith("ddp") else str(found["scores"] == expected)

@@ -11,6 +11,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
+from hilbertvae.grids.kernel import kernel
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.weights import RankWeights
@@ -196,6 +197,29 @@ def test_what_would_be_known(fitted):
     assert (found[observed] == 1).all() and (found[~observed & ~reached] == 0).all()
     between = found[~observed & reached]
     assert len(between) and ((between > 0) & (between < 1)).all() if mapper.known_ is not None else (between == 1).all()
+
+
+def test_the_spread_is_that_of_what_each_grid_alone_would_answer(fitted):
+    mapper, place = fitted
+    low, high = place.fit.points.min(axis=0) - 1, place.fit.points.max(axis=0) + 1
+    queries = np.random.default_rng(1).uniform(low, high, (60, place.dimension))
+    found, holding = mapper.predict_std(queries), mapper.index_.holding(queries, mapper.neighbours)
+    observed = mapper.observed(queries)
+    for q, query in enumerate(queries):
+        boxes = holding[q][holding[q] >= 0]
+        if not len(boxes):
+            assert found[q] == (0 if observed[q] else 0.5)
+            continue
+        said = []
+        for box in boxes:  # a map in which all of these boxes hold this one's grid
+            grids = np.array([mapper.grids_[m] for m in range(len(mapper.grids_))]).astype(float)
+            value = kernel(grids, mapper.frames_, query[None], np.array([[box]]))[0, 0]
+            value *= 1.0 if mapper.factors_ is None else mapper.factors_[box]
+            features = list(mapper.features(query[None]))
+            features[0] = np.where(np.arange(mapper.neighbours) < len(boxes), value, 0.0)[None]
+            said.append(1 / (1 + np.exp(-mapper.rank_weights_.logit(*features)[0])))
+        assert found[q] == pytest.approx(np.std(said), abs=1e-4)
+    assert found[~observed & (holding[:, 1] >= 0)].max() > 0.001 or mapper.reconstructor is None
 
 
 def test_cluster_weights_are_fitted_without_what_is_to_be_scored(room, monkeypatch):

@@ -18,7 +18,7 @@ from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernel
 from hilbertvae.mappers.evidence import Evidence
-from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
 from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, known_features, unit_weights
 from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
 
@@ -152,6 +152,24 @@ class HilbertMap(Mapper):
     def _probability(self, queries):
         return expit(self.rank_weights_.logit(*self.features(queries)))
 
+    def predict_std(self, queries) -> np.ndarray:
+        """(Q,) how far the grids that answer each query disagree: the standard deviation of what p(occupied) each alone would give.
+
+        It ranks what the map does not know well from here to there; 0.5, a coin's, where no grid and no evidence answers.
+        """
+        check_is_fitted(self)
+        return answer_in_chunks(self._spread, self._checked(queries), self.chunk)
+
+    def _spread(self, queries):
+        features = self.features(queries)
+        held, seen = features[1], features[3]
+        alone = expit(self.rank_weights_.logits_alone(*features))
+        inside = np.arange(alone.shape[1]) < held[:, None]
+        count = np.maximum(held, 1)
+        mean = np.where(inside, alone, 0.0).sum(axis=1) / count
+        spread = np.sqrt(np.where(inside, np.square(alone - mean[:, None]), 0.0).sum(axis=1) / count)
+        return np.where((held > 0) | seen, spread, 0.5)
+
     def cluster_count(self) -> int:
         """How many grids the fitted map has."""
         check_is_fitted(self)
@@ -160,10 +178,14 @@ class HilbertMap(Mapper):
     def known(self, queries) -> np.ndarray:
         """(Q,) how likely it is that scans of this place would see the cell of each query at all: 1 where they did, 0 far from all that
         they saw, little inside walls and below the ground. A network that was not taught this says 1 wherever a grid of it reaches."""
-        queries = self._checked(queries)
+        check_is_fitted(self)
+        return answer_in_chunks(self._known, self._checked(queries), self.chunk)
+
+    def _known(self, queries):
         found = self._mean_known(self.known_, queries, self.index_.holding(queries, self.neighbours))
         return np.where(self.evidence_.find(queries) != NONE, 1.0, found)
 
     def observed(self, queries) -> np.ndarray:
         """(Q,) bool: whether the voxel of each query was observed."""
+        check_is_fitted(self)
         return self.evidence_.find(self._checked(queries)) >= 0

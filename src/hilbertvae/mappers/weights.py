@@ -54,6 +54,14 @@ class RankWeights:
         logit[seen] = (seen_features(values[seen], held[seen], evidence) * self.seen).sum(axis=1)
         return logit
 
+    def logits_alone(self, values: np.ndarray, held: np.ndarray, known: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
+        """(Q, K) what `logit` would be if all boxes that hold a query said what each one says; of no use where none holds it."""
+        one_by_one = []
+        for value in values.T:
+            same = np.where(np.arange(values.shape[1]) < held[:, None], value[:, None], 0.0)
+            one_by_one.append(self.logit(same, held, known, seen, evidence))
+        return np.stack(one_by_one, axis=1)
+
     def plain(self) -> dict:
         """As lists, for JSON."""
         return {name: getattr(self, name).tolist() for name in NAMES}
