@@ -168,10 +168,13 @@ def test_launchers_run_the_jobs(launcher, tmp_path):
 
 
 def test_two_processes_train_one_network(tmp_path):
-    done = multirun(tmp_path, "cases/ablation=default", "trainer=ddp", "trainer.accelerator=cpu")
+    """In each job of a sweep; the second process takes part in its own job alone, else it would wait in the next one for ever."""
+    done = multirun(tmp_path, "cases/ablation=default,unmasked,weights-unit", "trainer=ddp", "trainer.accelerator=cpu")
     assert done.returncode == 0, done.stderr
-    folder = tmp_path / "outputs/debug/ablation-quick/default-seed0"
-    result, about = read_result(folder / "result.json")
-    assert not result.failed and about["config"]["trainer"]["devices"] == 2
-    assert sorted(path.name for path in (folder / "checkpoints").iterdir()) == ["best.ckpt", "last.ckpt"]
+    for case in ("default", "unmasked"):
+        folder = tmp_path / f"outputs/debug/ablation-quick/{case}-seed0"
+        result, about = read_result(folder / "result.json")
+        assert not result.failed and about["config"]["trainer"]["devices"] == 2
+        assert sorted(path.name for path in (folder / "checkpoints").iterdir()) == ["best.ckpt", "last.ckpt"]
+    assert read_result(tmp_path / "outputs/debug/ablation-quick/weights-unit-seed0/result.json")[0].scores
     assert not (tmp_path / "outputs/debug/ablation-quick/result.json").exists()

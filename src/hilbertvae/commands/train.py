@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import sys
 from dataclasses import asdict, fields, is_dataclass
@@ -31,6 +32,10 @@ PACKAGE = Path(hilbertvae.__file__).parent
 # The wheel carries the folders inside the package; a checkout has them at the top.
 CONF, SWEEPS = (PACKAGE / name if (PACKAGE / name).is_dir() else PACKAGE.parents[1] / name for name in ("conf", "sweeps"))
 OmegaConf.register_new_resolver("sweeps_folder", lambda: str(SWEEPS), replace=True)
+
+JOB = "HILBERTVAE_JOB"
+"""Where a job of a multirun tells the other processes of its distributed training what it is: Lightning starts them with the words of
+the whole multirun, of which they would do every job."""
 
 store = ConfigStore.instance()
 # The network is missing there, so that a choice of another kind meets no default of this one.
@@ -102,6 +107,8 @@ def _application(config: DictConfig) -> None:
     job = HydraConfig.get()
     many = job.mode == RunMode.MULTIRUN
     output = os.path.relpath(job.runtime.output_dir)  # in a multirun, and in the processes of a distributed training, it is the job's own
+    if many:
+        os.environ[JOB] = json.dumps([*job.overrides.task, f'hydra.run.dir="{output}"'])
     try:
         settings = to_settings(config)
         settings.output = output
@@ -126,7 +133,10 @@ def _application(config: DictConfig) -> None:
 
 def main() -> None:
     """Entry point. `+sweep=...` is taken as `sweep=...`: the group has its place in the defaults, so that `debug` comes after it."""
-    sys.argv[1:] = [word.removeprefix("+") if word.startswith("+sweep=") else word for word in sys.argv[1:]]
+    words = [word.removeprefix("+") if word.startswith("+sweep=") else word for word in sys.argv[1:]]
+    if JOB in os.environ and int(os.environ.get("LOCAL_RANK", 0)):
+        words = json.loads(os.environ[JOB]) + [word for word in words if word.startswith(("hydra.job.name=", "hydra.output_subdir="))]
+    sys.argv[1:] = words
     _application()
 
 

@@ -32,6 +32,9 @@ AFTERWARDS = (
 )  # fmt: skip
 """Keys of what is done with a trained network, or where."""
 BEST = {"monitor": "val/gap_nll", "mode": "min"}
+DISTRIBUTED = ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_PORT")
+"""What Lightning leaves in the environment after a distributed training. The next one in this process, a job of the same multirun, would
+take it for the word of a cluster that has started its processes already, and wait for them for ever."""
 
 
 class AtomicCheckpoints(TorchCheckpointIO):
@@ -128,10 +131,15 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
         module = ReconstructionModule(settings)
         if settings.trainer.initial and not resume:
             module.start_from(settings.trainer.initial)
+        before = {name: os.environ.get(name) for name in DISTRIBUTED}
         try:
             trainer.fit(module, GridsDataModule(settings), ckpt_path=resume, weights_only=True)
         except SystemExit:  # Lightning's answer to Ctrl-C
             raise KeyboardInterrupt(f"training was interrupted; the same command goes on from the last epoch in {output}") from None
+        finally:
+            for name, value in before.items():
+                os.environ.pop(name, None)
+                os.environ.update({name: value} if value is not None else {})
     return after_fit.checkpoint
 
 
