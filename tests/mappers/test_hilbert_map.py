@@ -88,7 +88,7 @@ def test_answers_equal_brute_force(fitted):
     grids = bin_grids(cloud, find_frames(cloud, mapper.grid_, 0), mapper.grid_)
     known = None
     if mapper.reconstructor is not None:
-        completed = mapper.reconstructor.complete(grids)
+        completed = mapper.reconstructor.complete(grids, mapper.flips_)
         grids, known = completed.value.astype(float), completed.known
     expected = answers_by_loop(mapper, cloud, queries, grids, known)
     np.testing.assert_allclose(mapper.predict_proba(queries)[:, 1], expected, rtol=0, atol=1e-4)

@@ -26,9 +26,9 @@ def ship(checkpoint: Path, name: str) -> Path:
     with tempfile.TemporaryDirectory() as folder:
         packed = Reconstructor.load(replace(trained, weights={}).save(Path(folder) / "packed.safetensors", packed=True))
     site = open_site(trained.card["validated_on"], trained.resolution_m, defaults.source())
-    mapper = HilbertMap(packed, flips=defaults.flips)
+    mapper = HilbertMap(packed)
     packed.weights = learn_rank_weights(mapper, site, defaults.validation_gap_m, defaults.calibration_seeds)
-    packed.card = {**trained.card, "flips": defaults.flips}
+    packed.card = {**trained.card, "flips": mapper.flips_}
     return packed.save(checkpoint_path(name), packed=True)
 
 

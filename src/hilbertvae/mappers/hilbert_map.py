@@ -24,6 +24,8 @@ from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
 
 HIDDEN_GAP_M = 2.5
 """Diameter of the gaps that the `cluster` rule hides from the network while it fits its weights."""
+FLIPS = {2: 4, 3: 1}
+"""In 3D four flips take four times as long for 0.001 of AUC on kitti00_start."""
 
 
 class HilbertMap(Mapper):
@@ -36,7 +38,7 @@ class HilbertMap(Mapper):
     calibration: the reading that `rank` weights were fitted on, `voxels` or `points`: a probability is calibrated for one of them.
     neighbours: K, how many grids answer a query. `rank` weights belong to one K and are learned anew for another (`calibration.py`).
     inner_radius_m: how far clusters stand apart; as in training unless given.
-    flips: symmetries over which a reconstruction is averaged, 1, 2, 4 or 8.
+    flips: symmetries over which a reconstruction is averaged, 1, 2, 4 or 8; `FLIPS` of the dimension unless given.
     evidence: whether what was observed in a query's voxel is added; the paper's own map knows only its grids.
     grid, resolution_m: as the network was trained, unless given.
     """
@@ -48,7 +50,7 @@ class HilbertMap(Mapper):
         calibration: str = "voxels",
         neighbours: int = 5,
         inner_radius_m: float | None = None,
-        flips: int = 4,
+        flips: int | None = None,
         evidence: bool = True,
         ridge: float = 30.0,
         grid: GridSettings | None = None,
@@ -78,7 +80,8 @@ class HilbertMap(Mapper):
             raise InputError(f"points: the network is for {network.dimension}D, got {dimension}D points")
         if isinstance(self.neighbours, bool) or not isinstance(self.neighbours, (int, np.integer)) or self.neighbours < 1:
             raise InputError(f"neighbours: expected a whole number of at least 1, got {self.neighbours!r}")
-        if self.flips not in (1, 2, 4, 8):
+        self.flips_ = FLIPS[dimension] if self.flips is None else self.flips
+        if self.flips_ not in (1, 2, 4, 8):
             raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips!r}")
         self.grid_ = self.grid or (network.grid if network else GridSettings())
         if self.inner_radius_m is not None:
@@ -114,7 +117,7 @@ class HilbertMap(Mapper):
     def _complete(self, grids: np.ndarray) -> Completion:
         if self.reconstructor is None:
             return Completion(grids, None)
-        return self.reconstructor.complete(grids, self.flips, device=self.device)
+        return self.reconstructor.complete(grids, self.flips_, device=self.device)
 
     def _cluster_factors(self, cloud: Cloud, resolution_m: float) -> np.ndarray:
         """The `cluster` rule's factors, from gaps hidden from the network for this fit alone: else copying would look like skill."""

@@ -143,6 +143,6 @@ def _network_figures(mapper: HilbertMap, site: Site, gaps: Gaps) -> dict[str, Fi
     chosen = gapped_clusters(grids, target)
     figures = {"pipeline": pipeline_picture(shown, network, site.whole, seed=mapper.seed), "prior": prior_picture(network)}
     if len(chosen):
-        values = network.reconstruct(grids[chosen], mapper.flips)
+        values = network.reconstruct(grids[chosen], mapper.flips_)
         figures["reconstructions"] = reconstruction_rows(grids[chosen], target[chosen], values, network.likelihood.kind)
     return figures

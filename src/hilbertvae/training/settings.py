@@ -109,8 +109,9 @@ class Settings:
     """Diameter of the gaps on the validation site that the best weights are chosen with, and the Hilbert Map's are learned from."""
     calibration_seeds: list[int] = field(default_factory=lambda: [100, 101, 102, 103, 104])
     """Gap seeds on the validation site that the Hilbert Map's `rank` weights are learned from; not those that it is scored on."""
-    flips: int = 4
-    """Symmetries over which the network of the run is averaged, 1, 2, 4 or 8: in learning the Hilbert Map's weights, and in its maps."""
+    flips: int | None = None
+    """Symmetries over which the network of the run is averaged, in learning the Hilbert Map's weights and in its maps: 1, 2, 4 or 8; 4 in
+    2D and 1 in 3D unless given."""
     study: StudySettings = field(default_factory=StudySettings)
     """Of the task `clustering`: what `grid.start` is tried on."""
     mapper: dict[str, Any] = field(default_factory=dict)
@@ -170,7 +171,7 @@ class Settings:
             check_positive(getattr(self.trainer, key), f"trainer.{key}")
         check_positive(self.scoring_processes, "scoring_processes")
         check_positive(self.validation_gap_m, "validation_gap_m")
-        if self.flips not in (1, 2, 4, 8):
+        if self.flips not in (None, 1, 2, 4, 8):
             raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips}")
         if self.trainer.kl_warmup_share < 0.2:
             raise InputError(f"trainer.kl_warmup_share: expected at least 0.2, got {self.trainer.kl_warmup_share}")
