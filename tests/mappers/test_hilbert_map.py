@@ -25,7 +25,7 @@ FEATURES = 13
 def learned(neighbours=5, seed=0):
     rng = np.random.default_rng(seed)
     unseen, everywhere = rng.uniform(0.1, 1, (2, neighbours + 1))
-    return RankWeights(unseen, rng.uniform(-0.3, 0.3, FEATURES + 2), everywhere, rng.uniform(0.1, 1, 2)).plain()
+    return RankWeights(unseen, rng.uniform(-0.3, 0.3, FEATURES + 2), everywhere, rng.uniform(0.1, 1, 2), np.array([0.5])).plain()
 
 
 def reconstructor(dimension=2):
@@ -73,7 +73,7 @@ def answers_by_loop(mapper, cloud, queries, grids, known):
         elif values:
             logit = np.dot(weights.unseen[: len(values)], values) + weights.unseen[-1]
             logit += share * (weights.known[0] + weights.known[1] * np.mean(values))
-            logit *= min(1.0, share / 0.1)
+            logit *= min(1.0, share / max(weights.enough[0], 1e-9))
         else:
             logit = 0.0
         found.append(1 / (1 + np.exp(-logit)))

@@ -69,7 +69,7 @@ def random_features(seed=0, count=60, ranks=3, kinds=4):
 def test_the_logit_query_by_query():
     values, held, known, seen, evidence = random_features()
     rng = np.random.default_rng(1)
-    weights = RankWeights(rng.normal(size=4), rng.normal(size=6), rng.normal(size=4), rng.normal(size=2))
+    weights = RankWeights(rng.normal(size=4), rng.normal(size=6), rng.normal(size=4), rng.normal(size=2), np.array([0.3]))
     found = weights.logit(values, held, known, seen, evidence)
     row = 0
     for q in range(len(values)):
@@ -80,7 +80,7 @@ def test_the_logit_query_by_query():
         elif held[q]:
             expected = sum(w * k for w, k in zip(weights.unseen[:3], values[q], strict=True)) + weights.unseen[3]
             expected += known[q] * (weights.known[0] + weights.known[1] * values[q].sum() / held[q])
-            expected *= min(1, known[q] / 0.1)
+            expected *= min(1, known[q] / 0.3)
         else:
             expected = 0.0  # nothing is known: p = 0.5
             assert found[q] == 0.0
@@ -127,6 +127,7 @@ def test_rank_weights_are_found_again():
     found = fit_rank_weights(values, held, known, seen, evidence, occupied)
     np.testing.assert_allclose(found.unseen, true.unseen, atol=0.15)
     np.testing.assert_allclose(found.known, true.known, atol=0.2)
+    assert np.mean(known[~seen] < found.enough) == pytest.approx(0.02, abs=0.001)
     np.testing.assert_allclose(found.seen, true.seen, atol=0.1)
     assert (found.unseen[:ranks] >= 0).all() and found.seen[0] >= 0 and found.seen[-2] >= 0
 
@@ -155,8 +156,10 @@ def test_weights_of_grids_alone_are_fitted_on_every_query_in_a_box():
 
 def test_weights_of_before_networks_said_what_would_be_known():
     plain = unit_weights(3, 4).plain()
-    del plain["known"]
-    np.testing.assert_array_equal(RankWeights.from_plain(plain).known, [0, 0])
+    del plain["known"], plain["enough"]
+    found = RankWeights.from_plain(plain)
+    np.testing.assert_array_equal(found.known, [0, 0])
+    np.testing.assert_array_equal(found.enough, [0])  # nothing fades
 
 
 @pytest.mark.parametrize("missing", ["unseen", "seen", "everywhere"])

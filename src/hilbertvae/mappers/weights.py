@@ -15,9 +15,11 @@ from scipy.special import expit
 
 from hilbertvae.checks import InputError
 
-NAMES = ("unseen", "seen", "everywhere", "known")
-KNOWN_ENOUGH = 0.1
-"""Below this probability of being known at all, a cell's logit fades. Next to no query of csail's gaps and occlusions is below."""
+NAMES = ("unseen", "seen", "everywhere", "known", "enough")
+LATER = ("known", "enough")
+"""Weights of before networks said what would be known have none of these."""
+FADED_SHARE = 0.02
+"""Share of the hidden queries that weights are learned from whose logit fades: all of them are known, so it should be next to none."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,8 @@ class RankWeights:
     everywhere: (K + 1,), like `unseen` but with a constant of 0, for a map that knows its grids alone, as the paper's does.
     known: (2,) where nothing was observed, of how likely it is that a scan would have seen the cell, and of that times the mean kernel
     value: a gap is surer to be known than what lies behind things, and what a network says of it is worth more.
+    enough: (1,) the probability of being known below which a cell's logit fades to 0: what a network makes of cells that no scan would see,
+    inside walls and below the ground, is arbitrary.
     There is no intercept outside of all boxes: where nothing is known, p is 0.5.
     """
 
@@ -36,6 +40,7 @@ class RankWeights:
     seen: np.ndarray
     everywhere: np.ndarray
     known: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    enough: np.ndarray = field(default_factory=lambda: np.zeros(1))
 
     def grids_alone(self) -> RankWeights:
         """The weights of a map without evidence."""
@@ -44,13 +49,10 @@ class RankWeights:
     def logit(self, values: np.ndarray, held: np.ndarray, known: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
         """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, how likely it would be `known (Q,)`, and `evidence
         (S, F)` of those `seen (Q,)`.
-
-        Where a network says that no scan would see a cell, inside walls and below the ground, what it makes of the cell is arbitrary:
-        there the logit fades to 0.
         """
         # Sums along rows, not a matrix product: BLAS rounds a row differently from batch to batch.
         logit = (values * self.unseen[:-1]).sum(axis=1) + self.unseen[-1] + (known_features(values, held, known) * self.known).sum(axis=1)
-        logit = np.where(held > 0, logit * np.minimum(known / KNOWN_ENOUGH, 1.0), 0.0)
+        logit = np.where(held > 0, logit * np.minimum(known / np.maximum(self.enough, 1e-9), 1.0), 0.0)
         logit[seen] = (seen_features(values[seen], held[seen], evidence) * self.seen).sum(axis=1)
         return logit
 
@@ -70,7 +72,7 @@ class RankWeights:
     def from_plain(cls, plain: dict) -> RankWeights:
         """The inverse of `plain`; an `InputError` for weights of another version."""
         try:
-            return cls(*(np.asarray(plain[name], float) for name in NAMES if name != "known" or name in plain))
+            return cls(*(np.asarray(plain[name], float) for name in NAMES if name not in LATER or name in plain))
         except KeyError as error:
             raise InputError(f"checkpoint: the Hilbert Map's weights lack {error}; they were learned by another version") from error
 
@@ -106,7 +108,8 @@ def fit_rank_weights(values, held, known, seen, evidence, occupied) -> RankWeigh
     everywhere = np.append(logistic_weights(values[inside], occupied[inside], nonnegative=np.arange(ranks)), 0.0)
     features = seen_features(values[seen], held[seen], evidence)
     observed = logistic_weights(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]))
-    return RankWeights(in_gaps[: ranks + 1], observed, everywhere, in_gaps[ranks + 1 :])
+    enough = np.quantile(known[unseen], [FADED_SHARE])
+    return RankWeights(in_gaps[: ranks + 1], observed, everywhere, in_gaps[ranks + 1 :], enough)
 
 
 def fit_cluster_weights(values, holding, offset, rank_weights: np.ndarray, occupied, clusters: int, ridge: float) -> np.ndarray:
