@@ -199,6 +199,16 @@ def test_what_would_be_known(fitted):
     assert len(between) and ((between > 0) & (between < 1)).all() if mapper.known_ is not None else (between == 1).all()
 
 
+def test_a_map_shows_nothing_where_no_scan_would_see(fitted):
+    mapper, place = fitted
+    low, high = mapper.frames_.boxes()
+    queries = np.random.default_rng(2).uniform(low.min(axis=0) - 1, high.max(axis=0) + 1, (300, place.dimension))
+    shown, plain, known = mapper.predict_map(queries), mapper.predict_proba(queries)[:, 1], mapper.known(queries)
+    np.testing.assert_array_equal(shown[known >= 0.1], plain[known >= 0.1])
+    np.testing.assert_array_equal(shown[known == 0], 0.5)
+    assert (np.abs(shown - 0.5) <= np.abs(plain - 0.5)).all()
+
+
 def test_the_spread_is_that_of_what_each_grid_alone_would_answer(fitted):
     mapper, place = fitted
     low, high = place.fit.points.min(axis=0) - 1, place.fit.points.max(axis=0) + 1

@@ -26,6 +26,8 @@ HIDDEN_GAP_M = 2.5
 """Diameter of the gaps that the `cluster` rule hides from the network while it fits its weights."""
 FLIPS = {2: 4, 3: 1}
 """In 3D four flips take four times as long for 0.001 of AUC on kitti00_start."""
+SHOWN_FROM = 0.1
+"""How likely a cell has to be known to be shown in full."""
 
 
 class HilbertMap(Mapper):
@@ -154,6 +156,15 @@ class HilbertMap(Mapper):
 
     def _probability(self, queries):
         return expit(self.rank_weights_.logit(*self.features(queries)))
+
+    def predict_map(self, queries) -> np.ndarray:
+        """(Q,) p(occupied), faded to 0.5 where it is less than `SHOWN_FROM` likely that scans would see the cell at all.
+
+        `predict_proba` is p if the cell is known, which is what can be scored; inside walls and below the ground that is an idle guess.
+        """
+        fade = np.minimum(self.known(queries) / SHOWN_FROM, 1.0)
+        plain = self.predict_proba(queries)[:, 1]
+        return np.where(fade < 1.0, 0.5 + (plain - 0.5) * fade, plain)
 
     def predict_std(self, queries) -> np.ndarray:
         """(Q,) how far the grids that answer each query disagree: the standard deviation of what p(occupied) each alone would give.

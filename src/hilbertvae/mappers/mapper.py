@@ -110,6 +110,10 @@ class Mapper(ClassifierMixin, BaseEstimator):
         occupied = answer_in_chunks(self._probability, queries, self.chunk)
         return np.column_stack([1.0 - occupied, occupied])
 
+    def predict_map(self, queries) -> np.ndarray:
+        """(Q,) p(occupied) as a map shows it; a mapper that can tell where no scan would ever see says 0.5 there."""
+        return self.predict_proba(queries)[:, 1]
+
     def predict(self, queries) -> np.ndarray:
         """(Q,) the likelier class of each query; unknown (0.5) counts as free."""
         occupied = self.predict_proba(queries)[:, 1] > 0.5

@@ -68,8 +68,8 @@ class Raster:
         return self.image(vote(hits, frees, OCCUPIED_SHARE))
 
     def probability(self, mapper: Mapper) -> np.ndarray:
-        """(rows, columns) p(occupied) of a fitted mapper at the cells' centres."""
-        return self.image(mapper.predict_proba(self.queries())[:, 1])
+        """(rows, columns) p(occupied) of a fitted mapper at the cells' centres, as a map shows it."""
+        return self.image(mapper.predict_map(self.queries()))
 
     def coarse(self, codes: np.ndarray, most_cells: int) -> tuple[np.ndarray, tuple[float, float, float, float]]:
         """Codes on this raster with at most `most_cells` along a side, and their extent.

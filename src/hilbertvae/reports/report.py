@@ -113,7 +113,7 @@ class Report:
         if fitted:
             if site.dimension == 3:
                 mapper = fitted[ours or rival]
-                surface = extract_surface(lambda queries: mapper.predict_proba(queries)[:, 1], shown, site.resolution_m)
+                surface = extract_surface(mapper.predict_map, shown, site.resolution_m)
                 view = SiteView.draw(site, gaps, mapper)
                 figures |= {"map": site_view_picture(view), "gaps": close_up_picture(view), "slices": slice_picture(view)}
             else:

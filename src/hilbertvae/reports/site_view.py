@@ -58,16 +58,13 @@ class SiteView:
         """Ask a mapper, already fitted on `gaps.cut(site.fit)`, at each voxel at most `reach_m` from that cloud."""
         cloud = gaps.cut(site.fit)
 
-        def predict(queries: np.ndarray) -> np.ndarray:
-            return mapper.predict_proba(queries)[:, 1]
-
-        centres, probability = Field.near(predict, cloud.points, site.resolution_m, reach_m).above(OCCUPIED_ABOVE)
+        centres, probability = Field.near(mapper.predict_map, cloud.points, site.resolution_m, reach_m).above(OCCUPIED_ABOVE)
 
         def voxels(centres: np.ndarray, probability: np.ndarray | None = None) -> Voxels:
             height = site.ground.height_above(centres)
             chosen = height > UNDERGROUND_M
             centres, height = centres[chosen], height[chosen]
-            return Voxels(centres, height, predict(centres) if probability is None else probability[chosen])
+            return Voxels(centres, height, mapper.predict_map(centres) if probability is None else probability[chosen])
 
         shown, truth = voxels(_voted(cloud, site.resolution_m)), voxels(site.voxels.points[site.voxels.occupied])
         sensors = site.scans.origins[np.unique(site.scans.scan, return_index=True)[1]]

@@ -46,7 +46,7 @@ def slice_picture(view: SiteView, gap: int | None = None) -> Figure:
 def _level_slice(axes: Axes, view: SiteView, raster: Raster):
     queries = raster.queries()
     queries[:, 2] = ABOVE_GROUND_M - view.ground.height_above(queries * [1, 1, 0])
-    image = show_probability(axes, raster.image(view.mapper.predict_proba(queries)[:, 1]), raster.extent)
+    image = show_probability(axes, raster.image(view.mapper.predict_map(queries)), raster.extent)
     points = view.cloud.points[view.cloud.occupied]
     at_height = np.abs(view.ground.height_above(points) - ABOVE_GROUND_M) <= view.resolution_m / 2
     _dots(axes, points[at_height, :2], 2.5)
@@ -74,7 +74,7 @@ def _upright_slice(axes: Axes, level: Axes, view: SiteView, gap: int) -> None:
     queries[:, along], queries[:, 2] = (column + low[0] + 0.5) * cell, (row + low[1] + 0.5) * cell
     queries[:, across] = (sheet + 0.5) * cell
     extent = (low[0] * cell, (high[0] + 1) * cell, low[1] * cell, (high[1] + 1) * cell)
-    show_probability(axes, view.mapper.predict_proba(queries)[:, 1].reshape(rows, columns), extent)
+    show_probability(axes, view.mapper.predict_map(queries).reshape(rows, columns), extent)
     points = view.cloud.points[view.cloud.occupied]
     _dots(axes, points[voxel_index(points[:, across], cell) == sheet][:, [along, 2]], 6)
     _cut_balls(axes, view, view.gaps.centres[:, [along, 2]], view.gaps.centres[:, across] - (sheet + 0.5) * cell)
