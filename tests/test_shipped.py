@@ -1,0 +1,49 @@
+"""The networks that come with the package: all there, small enough, described as they are, and of use."""
+
+from pathlib import Path
+
+import pytest
+
+import hilbertvae
+from hilbertvae.gaps import INSIDE, random_gaps
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
+from hilbertvae.reports.card import card_text
+from hilbertvae.scoring.metrics import score
+
+RESULTS = Path(__file__).parents[1] / "docs/results/shipped"
+MOST_BYTES = 20_000_000
+
+
+def test_they_are_all_there_and_small():
+    sizes = {name: checkpoint_path(name).stat().st_size for name in SHIPPED}
+    assert sum(sizes.values()) <= MOST_BYTES, sizes
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_card_is_what_weights_and_results_give(name):
+    found = checkpoint_path(name).with_suffix(".md").read_text(encoding="utf-8")
+    assert found == card_text(name, checkpoint_path(name), sorted(RESULTS.glob(f"{name}/**/result.json")))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_nothing_of_the_test_sites_is_in_it(name):
+    stages = [Reconstructor.load(name).card]
+    while "started_from" in stages[-1]:
+        stages.append(stages[-1]["started_from"])
+    sites = {site for stage in stages for site in (*stage["trained_on"], stage["validated_on"])}
+    assert not sites & {"intel", "seattle", "orebro", "edmonton", "acapulco", "kitti_drive0005"}
+    if name.endswith("-sim"):
+        assert all("simulated" in site for site in sites)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_it_fills_gaps_of_a_room(name, room, box):
+    """A place no network was trained on, and no building or street: still far better than a guess."""
+    place = box if name.startswith("3d") else room
+    gaps = random_gaps(place.fit, 1.2, place.resolution_m, 0)
+    shown = gaps.cut(place.fit)
+    mapper = hilbertvae.load_mapper(name).fit(shown.points, shown.occupied, shown.weight)
+    asked = place.voxels.select(gaps.part(place.voxels.points) == INSIDE)
+    found = score(asked.occupied, mapper.predict_proba(asked.points)[:, 1])
+    assert found["auc"] > 0.7
