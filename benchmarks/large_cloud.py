@@ -40,7 +40,7 @@ STAGES = {
     "evidence": (hilbert_map, "Evidence"),
     "cluster": (hilbert_map, "find_frames"),
     "bin": (hilbert_map, "bin_grids"),
-    "reconstruct": (HilbertMap, "_reconstruct"),
+    "reconstruct": (HilbertMap, "_complete"),
 }
 MARGIN_M = 5.0
 

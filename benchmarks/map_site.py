@@ -23,7 +23,7 @@ STAGES = {
     "evidence": (hilbert_map, "Evidence"),
     "cluster": (hilbert_map, "find_frames"),
     "bin": (hilbert_map, "bin_grids"),
-    "reconstruct": (HilbertMap, "_reconstruct"),
+    "reconstruct": (HilbertMap, "_complete"),
     "fit weights": (HilbertMap, "_cluster_factors"),
 }
 WANTED_S = 10.0
