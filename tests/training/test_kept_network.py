@@ -15,6 +15,7 @@ from hilbertvae.checks import InputError  # noqa: E402
 from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
 from hilbertvae.scoring.protocol import Protocol  # noqa: E402
+from hilbertvae.training import train as train_module  # noqa: E402
 from hilbertvae.training.kept_network import KeptNetwork  # noqa: E402
 from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
 from hilbertvae.training.scoring import score  # noqa: E402
@@ -89,6 +90,17 @@ def test_a_training_that_breaks_leaves_the_place_free(tmp_path, first, monkeypat
         train(settings)
     assert not list((tmp_path / "trained").glob("*.safetensors"))
     assert KeptNetwork(settings.trained, kept_name(settings)).take(tmp_path / "copy") is None
+
+
+@pytest.mark.parametrize("module", ["training.reconstruction_module", "reconstruction.reconstructor", "mappers.weights", "grids.frame",
+                                    "scoring.calibration", "scoring.cases"])  # fmt: skip
+def test_the_code_that_trains_and_weighs_names_a_kept_network(first, monkeypatch, module):
+    """The map's weights are kept with the network, so what learns them counts, too."""
+    parts = []
+    monkeypatch.setattr(train_module, "code_hash", lambda names: parts.extend(names) or "")
+    kept_name(first[0])
+    path = module.replace(".", "/") + ".py"
+    assert path in parts or path.split("/")[0] in parts
 
 
 def test_a_damaged_network_is_named(tmp_path):

@@ -64,7 +64,7 @@ def training_hash(settings: Settings) -> str:
 
 def kept_name(settings: Settings) -> str:
     """What names a kept network: its settings, and the code that trains it and learns its Hilbert Map's weights."""
-    code = code_hash((*GRID_SOURCES, "mappers", "reconstruction", "training"))
+    code = code_hash((*GRID_SOURCES, "mappers", "reconstruction", "scoring/calibration.py", "scoring/cases.py", "training"))
     return hash_of([training_hash(settings), hilbertvae.__version__, code])
 
 
