@@ -1,6 +1,5 @@
 from dataclasses import asdict, replace
 
-import joblib
 import numpy as np
 import pytest
 import torch
@@ -14,13 +13,6 @@ from hilbertvae.training import grids_datamodule
 from hilbertvae.training.grids_datamodule import EpochBatches, GridPairs, GridsDataModule, draw_seed, grids_hash
 from hilbertvae.training.settings import DataSettings
 from toy_rooms import room_log
-
-
-@pytest.fixture(autouse=True)
-def one_process():
-    """Processes would import everything again."""
-    with joblib.parallel_config(backend="threading"):
-        yield
 
 
 @pytest.fixture

@@ -22,14 +22,6 @@ from hilbertvae.training.scoring import score  # noqa: E402
 from hilbertvae.training.train import kept_name, train, training_hash  # noqa: E402
 
 
-@pytest.fixture(autouse=True)
-def one_process():
-    threads = torch.get_num_threads()
-    with joblib.parallel_config(backend="threading"):
-        yield
-    torch.set_num_threads(threads)
-
-
 @pytest.fixture(scope="module")
 def first(tmp_path_factory):
     """A run whose network is kept."""

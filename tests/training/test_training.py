@@ -21,14 +21,6 @@ from hilbertvae.training.reconstruction_module import ReconstructionModule  # no
 from hilbertvae.training.train import train, training_hash  # noqa: E402
 
 
-@pytest.fixture(autouse=True)
-def one_process():
-    threads = torch.get_num_threads()
-    with joblib.parallel_config(backend="threading"):
-        yield
-    torch.set_num_threads(threads)
-
-
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory):
     return tmp_path_factory.mktemp("cache")
