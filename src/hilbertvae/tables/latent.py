@@ -13,11 +13,12 @@ from hilbertvae.tables.sweep import Run, Sweep
 
 LATENT, VARIATIONAL = "network.latent", "network.variational"
 TITLE = "Latent dimension, as in the paper's Fig. 6"
-METRICS = {"f1": "F1", "auc": "AUC"}
+METRICS = {"best_f1": "best F1", "auc": "AUC"}
+"""A map of its grids alone has no constant to move a cut with, so F1 at the cut of 0.6 would show how sure it is and not what it knows."""
 REGIONS = {"observed": "--", "gaps": "-"}
 SCORES = [
-    measured("held-out: F1 (%)", "observed_f1"), measured("AUC (%)", "observed_auc"),
-    measured("gaps: F1 (%)", "gaps_f1"), measured("AUC (%)", "gaps_auc"), measured("best F1 (%)", "gaps_best_f1"),
+    measured("held-out: F1 (%)", "observed_f1"), measured("best F1 (%)", "observed_best_f1"), measured("AUC (%)", "observed_auc"),
+    measured("gaps: F1 (%)", "gaps_f1"), measured("best F1 (%)", "gaps_best_f1"), measured("AUC (%)", "gaps_auc"),
 ]  # fmt: skip
 WHAT = (text("network", "network"), value("latent dimension", "latent"), text("mapper", "mapper"))
 MARKS = {"CVAE": (OURS, "o"), "CAE": (OTHERS[0], "s")}
@@ -41,7 +42,7 @@ def _row(group: Group) -> Row:
     run = next(iter(group.values()))
     mapper, _ = champions(group)
     row = {"network": "CVAE" if run.setting(VARIATIONAL) else "CAE", "latent": run.setting(LATENT), "mapper": mapper}
-    cells = [(region, metric) for region in REGIONS for metric in METRICS] + [("gaps", "best_f1")]
+    cells = [(region, metric) for region in REGIONS for metric in ("f1", *METRICS)]
     return (
         row
         | {f"{region}_{metric}": score_of(group, mapper, "points", region, metric) for region, metric in cells}
@@ -50,7 +51,7 @@ def _row(group: Group) -> Row:
 
 
 def latent_picture(rows: list[Row]) -> Figure:
-    """F1 and AUC over the latent dimension: whole lines in gaps, broken ones on held-out beams."""
+    """Best F1 and AUC over the latent dimension: whole lines in gaps, broken ones on held-out beams."""
     if not measured_rows(rows, "gaps_f1"):
         return empty_picture(TITLE)
     figure, axes = panels([f"{title}, points" for title in METRICS.values()])
