@@ -25,7 +25,7 @@ FEATURES = 13
 def learned(neighbours=5, seed=0):
     rng = np.random.default_rng(seed)
     unseen, everywhere = rng.uniform(0.1, 1, (2, neighbours + 1))
-    return RankWeights(unseen, rng.uniform(-0.3, 0.3, FEATURES + 2), everywhere, rng.uniform(0.1, 1, 2), np.array([0.5])).plain()
+    return RankWeights(unseen, rng.uniform(-0.3, 0.3, FEATURES + 2), everywhere).plain()
 
 
 def reconstructor(dimension=2):
@@ -50,7 +50,7 @@ def fitted(request, place):
     return fit(HilbertMap(network, weights=weights, grid=grid), gapped(place)), place
 
 
-def answers_by_loop(mapper, cloud, queries, grids, known):
+def answers_by_loop(mapper, cloud, queries, grids):
     """Eq. 7, 8 and 14 for each query by itself, from grids, frames and evidence."""
     frames, evidence = mapper.frames_, Evidence(cloud.points, cloud.occupied, cloud.weight, mapper.evidence_.resolution_m)
     weights, cells = mapper.rank_weights_, grids.shape[1]
@@ -62,18 +62,15 @@ def answers_by_loop(mapper, cloud, queries, grids, known):
             if ((inside >= 0) & (inside < 1)).all():
                 factor = 1.0 if mapper.factors_ is None else mapper.factors_[m]
                 cell = tuple((inside * cells).astype(int))
-                said = 1.0 if known is None else known[m][cell] / 255
-                held.append((np.linalg.norm(query - frames.centre[m]), factor * grids[m][cell], said))
-        nearest = sorted(held)[: mapper.neighbours]
-        values, share = [value for _, value, _ in nearest], np.mean([said for _, _, said in nearest]) if nearest else 0.0
+                held.append((np.linalg.norm(query - frames.centre[m]), factor * grids[m][cell]))
+        values = [value for _, value in sorted(held)[: mapper.neighbours]]
         voxel = evidence.find(query[None])
         if mapper.evidence and voxel[0] >= 0:
             features = [*evidence.features(query[None], voxel)[0], np.mean(values) if values else 0.0, 1.0]
             logit = np.dot(weights.seen, features)
         elif values:
-            logit = np.dot(weights.unseen[: len(values)], values) + weights.unseen[-1]
-            logit += share * (weights.known[0] + weights.known[1] * np.mean(values))
-            logit *= min(1.0, share / max(weights.enough[0], 1e-9))
+            louder = mapper.neighbours / len(values) if weights.level else 1.0
+            logit = np.dot(weights.unseen[: len(values)], values) * louder + weights.unseen[-1]
         else:
             logit = 0.0
         found.append(1 / (1 + np.exp(-logit)))
@@ -86,11 +83,9 @@ def test_answers_equal_brute_force(fitted):
     low, high = place.fit.points.min(axis=0) - 1, place.fit.points.max(axis=0) + 1
     queries = np.random.default_rng(0).uniform(low, high, (150, place.dimension))
     grids = bin_grids(cloud, find_frames(cloud, mapper.grid_, 0), mapper.grid_)
-    known = None
     if mapper.reconstructor is not None:
-        completed = mapper.reconstructor.complete(grids, mapper.flips_)
-        grids, known = completed.value.astype(float), completed.known
-    expected = answers_by_loop(mapper, cloud, queries, grids, known)
+        grids = mapper.reconstructor.complete(grids, mapper.flips_).value.astype(float)
+    expected = answers_by_loop(mapper, cloud, queries, grids)
     np.testing.assert_allclose(mapper.predict_proba(queries)[:, 1], expected, rtol=0, atol=1e-4)
     assert np.std(expected) > 0.01
 
@@ -101,7 +96,7 @@ def test_without_evidence_only_grids_answer(room):
     np.testing.assert_array_equal(mapper.rank_weights_.unseen, learned()["everywhere"])
     queries = cloud.points[::50]
     np.testing.assert_allclose(
-        mapper.predict_proba(queries)[:, 1], answers_by_loop(mapper, cloud, queries, mapper.grids_, mapper.known_), rtol=0, atol=1e-4
+        mapper.predict_proba(queries)[:, 1], answers_by_loop(mapper, cloud, queries, mapper.grids_), rtol=0, atol=1e-4
     )
     assert mapper.observed(queries).all()
 
@@ -124,7 +119,7 @@ def test_where_no_box_holds_a_query_evidence_answers_alone(room):
         mapper = fit(HilbertMap(reconstructor(), weights=weights), cloud)
         holding = mapper.index_.holding(far, 5)
         assert (holding == -1).all()
-        expected = answers_by_loop(mapper, cloud, far, mapper.grids_, mapper.known_)
+        expected = answers_by_loop(mapper, cloud, far, mapper.grids_)
         np.testing.assert_allclose(mapper.predict_proba(far)[:, 1], expected, rtol=0, atol=1e-4)
     unit = fit(HilbertMap(weights="unit", grid=tiny_grid()), cloud)
     assert (unit.predict_proba(far)[:, 1] < 0.4).all() and (unit.predict_proba(wall)[:, 1] > 0.6).all()

@@ -63,14 +63,15 @@ def random_features(seed=0, count=60, ranks=3, kinds=4):
     held = rng.integers(0, ranks + 1, count)
     values = np.where(np.arange(ranks) < held[:, None], rng.normal(size=(count, ranks)), 0.0).astype(np.float32)
     seen = rng.random(count) < 0.5
-    return values, held, rng.random(count) * (held > 0), seen, rng.normal(size=(seen.sum(), kinds))
+    return values, held, seen, rng.normal(size=(seen.sum(), kinds))
 
 
-def test_the_logit_query_by_query():
-    values, held, known, seen, evidence = random_features()
+@pytest.mark.parametrize("level", [True, False])
+def test_the_logit_query_by_query(level):
+    values, held, seen, evidence = random_features()
     rng = np.random.default_rng(1)
-    weights = RankWeights(rng.normal(size=4), rng.normal(size=6), rng.normal(size=4), rng.normal(size=2), np.array([0.3]))
-    found = weights.logit(values, held, known, seen, evidence)
+    weights = RankWeights(rng.normal(size=4), rng.normal(size=6), rng.normal(size=4), level)
+    found = weights.logit(values, held, seen, evidence)
     row = 0
     for q in range(len(values)):
         if seen[q]:
@@ -78,29 +79,38 @@ def test_the_logit_query_by_query():
             expected = sum(w * x for w, x in zip(weights.seen, [*evidence[row], mean, 1.0], strict=True))
             row += 1
         elif held[q]:
-            expected = sum(w * k for w, k in zip(weights.unseen[:3], values[q], strict=True)) + weights.unseen[3]
-            expected += known[q] * (weights.known[0] + weights.known[1] * values[q].sum() / held[q])
-            expected *= min(1, known[q] / 0.3)
+            expected = sum(w * k for w, k in zip(weights.unseen[:3], values[q], strict=True))
+            expected = expected * (3 / held[q] if level else 1) + weights.unseen[3]
         else:
             expected = 0.0  # nothing is known: p = 0.5
             assert found[q] == 0.0
         assert found[q] == pytest.approx(expected, abs=1e-5)
 
 
+def test_one_box_speaks_as_loudly_as_all_that_say_the_same():
+    weights = RankWeights(np.array([1 / 3, 1 / 3, 1 / 3, -0.4]), np.zeros(6), np.array([1.0, 1.0, 1.0, 0.0]))
+    held = np.array([1, 2, 3])
+    values = np.where(np.arange(3) < held[:, None], 1.7, 0.0)
+    nothing = np.zeros(3, bool), np.empty((0, 4))
+    np.testing.assert_allclose(weights.logit(values, held, *nothing), 1.7 - 0.4, atol=1e-12)
+    # The paper's plain sum is the quieter the fewer hold the query.
+    np.testing.assert_allclose(weights.grids_alone().logit(values, held, *nothing), 1.7 * held, atol=1e-12)
+
+
 def test_a_logit_is_a_querys_own():
-    values, held, known, seen, evidence = random_features(count=200)
-    weights = RankWeights(*(np.random.default_rng(1).normal(size=n) for n in (4, 6, 4, 2)))
-    whole = weights.logit(values, held, known, seen, evidence)
+    values, held, seen, evidence = random_features(count=200)
+    weights = RankWeights(*(np.random.default_rng(1).normal(size=n) for n in (4, 6, 4)))
+    whole = weights.logit(values, held, seen, evidence)
     row = np.cumsum(seen) - 1
     for q in range(len(values)):
         alone = slice(q, q + 1)
-        one = weights.logit(values[alone], held[alone], known[alone], seen[alone], evidence[row[q] : row[q] + seen[q]])
+        one = weights.logit(values[alone], held[alone], seen[alone], evidence[row[q] : row[q] + seen[q]])
         np.testing.assert_array_equal(one, whole[alone])
 
 
 def test_unit_weights_sum_kernel_values_and_add_the_log_odds():
-    values, held, known, seen, evidence = random_features()
-    found = unit_weights(3, 4).logit(values, held, np.sign(held), seen, evidence)
+    values, held, seen, evidence = random_features()
+    found = unit_weights(3, 4).logit(values, held, seen, evidence)
     unseen = ~seen
     np.testing.assert_allclose(found[unseen], values[unseen].sum(axis=1), atol=1e-6)
     mean = values[seen].sum(axis=1) / np.maximum(held[seen], 1)
@@ -108,26 +118,25 @@ def test_unit_weights_sum_kernel_values_and_add_the_log_odds():
 
 
 def test_plain_and_back_through_json():
-    weights = RankWeights(np.array([1 / 3, 0.1, -0.2]), np.array([2e-17, 1e5]), np.array([0.1]))
+    weights = RankWeights(np.array([1 / 3, 0.1, -0.2]), np.array([2e-17, 1e5]), np.array([0.1]), level=False)
     found = RankWeights.from_plain(json.loads(json.dumps(weights.plain())))
     np.testing.assert_array_equal(found.unseen, weights.unseen)
     np.testing.assert_array_equal(found.seen, weights.seen)
+    assert found.level is False
 
 
 def test_rank_weights_are_found_again():
     """Labels drawn from known weights: the fit comes close to them, kernel weights stay non-negative, and nothing else is used."""
     rng = np.random.default_rng(0)
     count, ranks = 20_000, 3
-    values, held = rng.normal(size=(count, ranks)), np.full(count, ranks)
+    held = rng.integers(1, ranks + 1, count)
+    values = np.where(np.arange(ranks) < held[:, None], rng.normal(size=(count, ranks)), 0.0)
     seen = rng.random(count) < 0.5
     evidence = rng.normal(size=(seen.sum(), 2))
-    known = rng.uniform(0.1, 1, count)
-    true = RankWeights(np.array([1.2, 0.6, 0.0, -0.4]), np.array([1.5, -0.7, 0.5, 0.3]), np.zeros(4), np.array([0.8, 0.5]))
-    occupied = rng.random(count) < 1 / (1 + np.exp(-true.logit(values, held, known, seen, evidence)))
-    found = fit_rank_weights(values, held, known, seen, evidence, occupied)
+    true = RankWeights(np.array([1.2, 0.6, 0.0, -0.4]), np.array([1.5, -0.7, 0.5, 0.3]), np.zeros(4))
+    occupied = rng.random(count) < 1 / (1 + np.exp(-true.logit(values, held, seen, evidence)))
+    found = fit_rank_weights(values, held, seen, evidence, occupied)
     np.testing.assert_allclose(found.unseen, true.unseen, atol=0.15)
-    np.testing.assert_allclose(found.known, true.known, atol=0.2)
-    assert np.mean(known[~seen] < found.enough) == pytest.approx(0.02, abs=0.001)
     np.testing.assert_allclose(found.seen, true.seen, atol=0.1)
     assert (found.unseen[:ranks] >= 0).all() and found.seen[0] >= 0 and found.seen[-2] >= 0
 
@@ -142,39 +151,33 @@ def test_weights_of_grids_alone_are_fitted_on_every_query_in_a_box():
     in_gaps, observed = np.array([1.0, 0.5, 0.2, 0.3]), np.array([2.0, 1.0, 0.4, -0.5])
     logit = np.where(seen, values @ observed[:3] + observed[3], values @ in_gaps[:3] + in_gaps[3])
     occupied = np.where(held > 0, rng.random(count) < 1 / (1 + np.exp(-logit)), True)
-    known = (held > 0).astype(float)  # as of a network that does not say
-    found = fit_rank_weights(values, held, known, seen, np.zeros((seen.sum(), 2)), occupied)
+    found = fit_rank_weights(values, held, seen, np.zeros((seen.sum(), 2)), occupied)
     inside = held > 0
     expected = LogisticRegression(C=np.inf, fit_intercept=False, tol=1e-10).fit(values[inside], occupied[inside])
     np.testing.assert_allclose(found.everywhere[:-1], expected.coef_[0], atol=5e-3)
     assert found.everywhere[-1] == 0  # grids that know nothing answer 0, and p must be 0.5 there
-    # Then what is known says the same in all boxes, and its weights and the others can't be told apart: only their sum counts.
-    sums = found.unseen + np.append(np.full(ranks, found.known[1] / ranks), found.known[0])
-    np.testing.assert_allclose(sums, in_gaps, atol=0.12)
+    np.testing.assert_allclose(found.unseen, in_gaps, atol=0.12)
     np.testing.assert_array_equal(found.grids_alone().unseen, found.everywhere)
 
 
-def test_weights_of_before_networks_said_what_would_be_known():
-    plain = unit_weights(3, 4).plain()
-    del plain["known"], plain["enough"]
-    found = RankWeights.from_plain(plain)
-    np.testing.assert_array_equal(found.known, [0, 0])
-    np.testing.assert_array_equal(found.enough, [0])  # nothing fades
-
-
-@pytest.mark.parametrize("missing", ["unseen", "seen", "everywhere"])
+@pytest.mark.parametrize("missing", ["unseen", "seen", "everywhere", "level"])
 def test_weights_of_another_version_are_named(missing):
     plain = unit_weights(3, 4).plain()
     del plain[missing]
-    with pytest.raises(InputError, match=f"weights lack '{missing}'; they were learned by another version"):
+    with pytest.raises(InputError, match="expected Hilbert Map's weights unseen, seen, everywhere, level, got"):
         RankWeights.from_plain(plain)
+
+
+def test_weights_that_nothing_reads_are_refused():
+    with pytest.raises(InputError, match="got .*known; train again"):
+        RankWeights.from_plain(unit_weights(3, 4).plain() | {"known": [0.0, 0.0]})
 
 
 @pytest.mark.parametrize("all_seen", [True, False])
 def test_rank_weights_need_gaps_and_observed_voxels(all_seen):
     seen = np.full(5, all_seen)
     with pytest.raises(InputError, match="expected queries both in gaps and in observed voxels"):
-        fit_rank_weights(np.ones((5, 2)), np.full(5, 2), np.ones(5), seen, np.ones((5 * all_seen, 3)), np.arange(5) < 2)
+        fit_rank_weights(np.ones((5, 2)), np.full(5, 2), seen, np.ones((5 * all_seen, 3)), np.arange(5) < 2)
 
 
 def test_cluster_weights_by_an_explicit_sum():

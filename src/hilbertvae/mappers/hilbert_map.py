@@ -19,7 +19,7 @@ from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernel
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
-from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, known_features, unit_weights
+from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, levelled, unit_weights
 from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
 
 HIDDEN_GAP_M = 2.5
@@ -128,24 +128,24 @@ class HilbertMap(Mapper):
         hidden = bin_grids(cloud.select(part == OUTSIDE), self.frames_, self.grid_)
         target = cloud.select(part != OUTSIDE)
         holding = self.index_.holding(target.points, self.neighbours)
-        completed = self._complete(hidden)
-        values = kernel(completed.value, self.frames_, target.points, holding)
-        held, known = (holding != NONE).sum(axis=1), self._mean_known(completed.known, target.points, holding)
+        values = kernel(self._complete(hidden).value, self.frames_, target.points, holding)
+        held = (holding != NONE).sum(axis=1)
         weights = self.rank_weights_
-        offset = np.where(held > 0, weights.unseen[-1] + (known_features(values, held, known) * weights.known).sum(axis=1), 0.0)
+        if weights.level:
+            values = levelled(values, held)
+        offset = np.where(held > 0, weights.unseen[-1], 0.0)
         return fit_cluster_weights(values, holding, offset, weights.unseen[:-1], target.occupied, len(self.frames_), self.ridge)
 
-    def features(self, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), how likely it would be known (Q,), whether its voxel
-        was seen (Q,) bool, and the evidence (S, F) of those whose was."""
+    def features(self, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, and the evidence
+        (S, F) of those whose was."""
         holding = self.index_.holding(queries, self.neighbours)
         values = kernel(self.grids_, self.frames_, queries, holding)
         if self.factors_ is not None:
             values *= np.where(holding != NONE, self.factors_[holding], 0.0)
-        known = self._mean_known(self.known_, queries, holding)
         voxel = self.evidence_.find(queries) if self.evidence else np.full(len(queries), NONE)
         seen = voxel != NONE
-        return values, (holding != NONE).sum(axis=1), known, seen, self.evidence_.features(queries[seen], voxel[seen])
+        return values, (holding != NONE).sum(axis=1), seen, self.evidence_.features(queries[seen], voxel[seen])
 
     def _mean_known(self, grids: np.ndarray | None, queries: np.ndarray, holding: np.ndarray) -> np.ndarray:
         """(Q,) the mean over the boxes that hold each query; 1 in any box of a network that does not say, and 0 outside of all."""
@@ -176,7 +176,7 @@ class HilbertMap(Mapper):
 
     def _spread(self, queries):
         features = self.features(queries)
-        held, seen = features[1], features[3]
+        held, seen = features[1], features[2]
         alone = expit(self.rank_weights_.logits_alone(*features))
         inside = np.arange(alone.shape[1]) < held[:, None]
         count = np.maximum(held, 1)

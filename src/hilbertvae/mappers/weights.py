@@ -6,7 +6,7 @@ sum log(1 + exp(-y w . Phi)) + R(w).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
@@ -15,11 +15,7 @@ from scipy.special import expit
 
 from hilbertvae.checks import InputError
 
-NAMES = ("unseen", "seen", "everywhere", "known", "enough")
-LATER = ("known", "enough")
-"""Weights of before networks said what would be known have none of these."""
-FADED_SHARE = 0.02
-"""Share of the hidden queries that weights are learned from whose logit fades: all of them are known, so it should be next to none."""
+NAMES = ("unseen", "seen", "everywhere")
 
 
 @dataclass(frozen=True)
@@ -29,57 +25,51 @@ class RankWeights:
     unseen: (K + 1,) where nothing was observed: w_r of the r-th nearest grid's kernel value, and a constant for being in any box.
     seen: (F + 2,) in an observed voxel: the evidence's features, the mean kernel value, and a constant.
     everywhere: (K + 1,), like `unseen` but with a constant of 0, for a map that knows its grids alone, as the paper's does.
-    known: (2,) where nothing was observed, of how likely it is that a scan would have seen the cell, and of that times the mean kernel
-    value: a gap is surer to be known than what lies behind things, and what a network says of it is worth more.
-    enough: (1,) the probability of being known below which a cell's logit fades to 0: what a network makes of cells that no scan would see,
-    inside walls and below the ground, is arbitrary.
+    level: whether fewer than K boxes speak as loudly as K (`levelled`). Else a query at the edge of what was seen, which few boxes hold, gets
+    an answer near that of the constant alone.
     There is no intercept outside of all boxes: where nothing is known, p is 0.5.
     """
 
     unseen: np.ndarray
     seen: np.ndarray
     everywhere: np.ndarray
-    known: np.ndarray = field(default_factory=lambda: np.zeros(2))
-    enough: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    level: bool = True
 
     def grids_alone(self) -> RankWeights:
-        """The weights of a map without evidence."""
-        return RankWeights(self.everywhere, self.seen, self.everywhere)
+        """The weights of a map without evidence: the paper's plain sum."""
+        return RankWeights(self.everywhere, self.seen, self.everywhere, level=False)
 
-    def logit(self, values: np.ndarray, held: np.ndarray, known: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
-        """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, how likely it would be `known (Q,)`, and `evidence
-        (S, F)` of those `seen (Q,)`.
-        """
+    def logit(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
+        """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, and `evidence (S, F)` of those `seen (Q,)`."""
         # Sums along rows, not a matrix product: BLAS rounds a row differently from batch to batch.
-        logit = (values * self.unseen[:-1]).sum(axis=1) + self.unseen[-1] + (known_features(values, held, known) * self.known).sum(axis=1)
-        logit = np.where(held > 0, logit * np.minimum(known / np.maximum(self.enough, 1e-9), 1.0), 0.0)
+        heard = levelled(values, held) if self.level else values
+        logit = np.where(held > 0, (heard * self.unseen[:-1]).sum(axis=1) + self.unseen[-1], 0.0)
         logit[seen] = (seen_features(values[seen], held[seen], evidence) * self.seen).sum(axis=1)
         return logit
 
-    def logits_alone(self, values: np.ndarray, held: np.ndarray, known: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
+    def logits_alone(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
         """(Q, K) what `logit` would be if all boxes that hold a query said what each one says; of no use where none holds it."""
         one_by_one = []
         for value in values.T:
             same = np.where(np.arange(values.shape[1]) < held[:, None], value[:, None], 0.0)
-            one_by_one.append(self.logit(same, held, known, seen, evidence))
+            one_by_one.append(self.logit(same, held, seen, evidence))
         return np.stack(one_by_one, axis=1)
 
     def plain(self) -> dict:
-        """As lists, for JSON."""
-        return {name: getattr(self, name).tolist() for name in NAMES}
+        """As plain values, for JSON."""
+        return {name: getattr(self, name).tolist() for name in NAMES} | {"level": self.level}
 
     @classmethod
     def from_plain(cls, plain: dict) -> RankWeights:
         """The inverse of `plain`; an `InputError` for weights of another version."""
-        try:
-            return cls(*(np.asarray(plain[name], float) for name in NAMES if name not in LATER or name in plain))
-        except KeyError as error:
-            raise InputError(f"checkpoint: the Hilbert Map's weights lack {error}; they were learned by another version") from error
+        if sorted(plain) != sorted((*NAMES, "level")):
+            raise InputError(f"checkpoint: expected Hilbert Map's weights {', '.join((*NAMES, 'level'))}, got {', '.join(plain)}; train again")
+        return cls(*(np.asarray(plain[name], float) for name in NAMES), bool(plain["level"]))
 
 
-def known_features(values: np.ndarray, held: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(Q, 2): how likely a cell would be known, and that times the mean kernel value of the boxes that hold the query."""
-    return np.column_stack([known, known * values.sum(axis=1) / np.maximum(held, 1)])
+def levelled(values: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """(Q, K) kernel values, K / held times as large: as if the boxes that do not hold a query had said what the others say on average."""
+    return values * (values.shape[1] / np.maximum(held, 1))[:, None]
 
 
 def seen_features(values: np.ndarray, held: np.ndarray, evidence: np.ndarray) -> np.ndarray:
@@ -93,23 +83,22 @@ def unit_weights(nearest: int, evidence_features: int) -> RankWeights:
     seen = np.zeros(evidence_features + 2)
     seen[0], seen[-2] = 1.0, 1.0
     grids = np.append(np.ones(nearest), 0.0)
-    return RankWeights(grids, seen, grids)
+    return RankWeights(grids, seen, grids, level=False)
 
 
-def fit_rank_weights(values, held, known, seen, evidence, occupied) -> RankWeights:
+def fit_rank_weights(values, held, seen, evidence, occupied) -> RankWeights:
     """Rank weights from queries with known labels: kernel weights non-negative, the rest free, a light ridge for R(w)."""
     unseen, inside = ~seen & (held > 0), held > 0
     if not unseen.any() or not seen.any():
         raise InputError("rank weights: expected queries both in gaps and in observed voxels")
-    ranks = values.shape[1]
-    features = np.column_stack([values, np.ones(len(values)), known_features(values, held, known)])
-    in_gaps = logistic_weights(features[unseen], occupied[unseen], nonnegative=np.append(np.arange(ranks), ranks + 2))
+    ranks = np.arange(values.shape[1])
+    features = np.column_stack([levelled(values, held), np.ones(len(values))])
+    in_gaps = logistic_weights(features[unseen], occupied[unseen], nonnegative=ranks)
     # No constant here: the paper's grids say 0 where they know nothing, and there p must be 0.5.
-    everywhere = np.append(logistic_weights(values[inside], occupied[inside], nonnegative=np.arange(ranks)), 0.0)
+    everywhere = np.append(logistic_weights(values[inside], occupied[inside], nonnegative=ranks), 0.0)
     features = seen_features(values[seen], held[seen], evidence)
     observed = logistic_weights(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]))
-    enough = np.quantile(known[unseen], [FADED_SHARE])
-    return RankWeights(in_gaps[: ranks + 1], observed, everywhere, in_gaps[ranks + 1 :], enough)
+    return RankWeights(in_gaps, observed, everywhere)
 
 
 def fit_cluster_weights(values, holding, offset, rank_weights: np.ndarray, occupied, clusters: int, ridge: float) -> np.ndarray:
