@@ -169,7 +169,7 @@ def test_weights_of_another_version_are_named(missing):
 
 
 def test_weights_that_nothing_reads_are_refused():
-    with pytest.raises(InputError, match="got .*known; train again"):
+    with pytest.raises(InputError, match="got .*known; learned by another version"):
         RankWeights.from_plain(unit_weights(3, 4).plain() | {"known": [0.0, 0.0]})
 
 

@@ -25,8 +25,8 @@ class RankWeights:
     unseen: (K + 1,) where nothing was observed: w_r of the r-th nearest grid's kernel value, and a constant for being in any box.
     seen: (F + 2,) in an observed voxel: the evidence's features, the mean kernel value, and a constant.
     everywhere: (K + 1,), like `unseen` but with a constant of 0, for a map that knows its grids alone, as the paper's does.
-    level: whether fewer than K boxes speak as loudly as K (`levelled`). Else a query at the edge of what was seen, which few boxes hold, gets
-    an answer near that of the constant alone.
+    level: whether fewer than K boxes speak as loudly as K (`levelled`). Else a query at the edge of what was seen, which few boxes hold,
+    gets an answer near that of the constant alone.
     There is no intercept outside of all boxes: where nothing is known, p is 0.5.
     """
 
@@ -63,7 +63,8 @@ class RankWeights:
     def from_plain(cls, plain: dict) -> RankWeights:
         """The inverse of `plain`; an `InputError` for weights of another version."""
         if sorted(plain) != sorted((*NAMES, "level")):
-            raise InputError(f"checkpoint: expected Hilbert Map's weights {', '.join((*NAMES, 'level'))}, got {', '.join(plain)}; train again")
+            wanted = ", ".join((*NAMES, "level"))
+            raise InputError(f"checkpoint: expected Hilbert Map's weights {wanted}, got {', '.join(plain)}; learned by another version")
         return cls(*(np.asarray(plain[name], float) for name in NAMES), bool(plain["level"]))
 
 
