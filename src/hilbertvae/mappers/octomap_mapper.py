@@ -51,22 +51,11 @@ class OctoMapMapper(Mapper):
             raise InputError(f"points: expected shape (N, 2) or (N, 3), got {points.shape}")
         self.resolution_ = RESOLUTION_M[dimension] if self.resolution_m is None else check_positive(self.resolution_m, "resolution_m")
         tree = self._with_settings(octomap.OcTree(self.resolution_))
-        self.shift_ = self._shift(points)
+        self.shift_ = voxel_shift(points, self.resolution_)
         keys = self._keys(points)
         for hit, step in ((False, _log_odds(self.prob_miss)), (True, _log_odds(self.prob_hit))):
             self._vote(tree, keys[occupied == hit], weight[occupied == hit] * step)
         self.leaves_ = leaves_of_values(_split(tree.write())[1])[0]
-
-    def _shift(self, points: np.ndarray) -> np.ndarray:
-        """(D,) whole numbers in float64: the voxel that gets key 32 768 on each axis, 0 wherever the cloud allows it."""
-        low_m, high_m = points.min(axis=0), points.max(axis=0)
-        with np.errstate(over="ignore", invalid="ignore"):
-            low, high = np.floor(low_m / self.resolution_), np.floor(high_m / self.resolution_)
-            fits = (high - low < SIDE).all()
-        if not fits:
-            span = f"{low_m.tolist()} to {high_m.tolist()} m"
-            raise InputError(f"points: expected at most {SIDE} voxels of {self.resolution_} m per axis, got {span}; is there an outlier?")
-        return np.where((low < -ORIGIN) | (high >= ORIGIN), np.ceil(low / 2 + high / 2), 0.0)
 
     def _vote(self, tree: octomap.OcTree, keys: np.ndarray, votes: np.ndarray) -> None:
         """Add `votes (N,)`, log-odds of one sign, to the voxels `keys (N, 3)`."""
@@ -129,6 +118,18 @@ class OctoMapMapper(Mapper):
         tree.setClampingThresMin(self.clamp_min)
         tree.setClampingThresMax(self.clamp_max)
         return tree
+
+
+def voxel_shift(points: np.ndarray, resolution_m: float) -> np.ndarray:
+    """(D,) whole numbers in float64: the voxel that gets key 32 768 on each axis, 0 wherever `points (N, D)` allow it."""
+    low_m, high_m = points.min(axis=0), points.max(axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        low, high = np.floor(low_m / resolution_m), np.floor(high_m / resolution_m)
+        fits = (high - low < SIDE).all()
+    if not fits:
+        span = f"{low_m.tolist()} to {high_m.tolist()} m"
+        raise InputError(f"points: expected at most {SIDE} voxels of {resolution_m} m per axis, got {span}; is there an outlier?")
+    return np.where((low < -ORIGIN) | (high >= ORIGIN), np.ceil(low / 2 + high / 2), 0.0)
 
 
 def write_octree(mapper: OctoMapMapper, path: str | os.PathLike) -> None:

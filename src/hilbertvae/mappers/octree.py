@@ -35,6 +35,17 @@ def morton(keys: np.ndarray) -> np.ndarray:
     return code
 
 
+def morton_keys(code: np.ndarray) -> np.ndarray:
+    """(N, 3) int64: the keys of voxels `code (N,)`, the inverse of `morton`."""
+    keys = np.empty((len(code), 3), np.int64)
+    for axis in range(3):
+        bits = code >> axis & 0x249249249249
+        for shift, mask in ((2, 0x0C30C30C30C3), (4, 0x00F00F00F00F), (8, 0x0000FF0000FF), (16, 0x00000000FFFF)):
+            bits = (bits | bits >> shift) & mask
+        keys[:, axis] = bits
+    return keys
+
+
 @dataclass(frozen=True)
 class Leaves:
     """start: (L,) int64, ascending, Morton code of a leaf's first voxel; depth: (L,) int8, 16 for one voxel; log_odds: (L,) float32.
@@ -56,6 +67,21 @@ class Leaves:
         leaf = np.searchsorted(self.start, code, "right") - 1
         inside = code - self.start[leaf] < _voxels(self.depth[leaf])
         return np.where(inside & (leaf >= 0), leaf, NONE)
+
+    def select(self, chosen: np.ndarray) -> Leaves:
+        """The leaves at `chosen (L,)`, a mask."""
+        return Leaves(self.start[chosen], self.depth[chosen], self.log_odds[chosen])
+
+    def voxel_count(self) -> int:
+        """How many voxels all leaves hold together."""
+        sizes = np.bincount(self.depth, minlength=DEPTH + 1).tolist()
+        return sum(count << 3 * (DEPTH - depth) for depth, count in enumerate(sizes))
+
+    def voxels(self) -> tuple[np.ndarray, np.ndarray]:
+        """Each voxel's Morton code and the leaf that it is in, both (V,) int64: pruned leaves are taken apart. See `voxel_count` first."""
+        count = _voxels(self.depth)
+        leaf = np.repeat(np.arange(len(self)), count)
+        return self.start[leaf] + np.arange(len(leaf)) - (np.cumsum(count) - count)[leaf], leaf
 
 
 def _voxels(depth: np.ndarray) -> np.ndarray:

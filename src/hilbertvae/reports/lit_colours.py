@@ -28,8 +28,12 @@ def surface_colours(surface: Surface, ground: Ground | None = None) -> np.ndarra
         return np.empty((0, 3), np.uint8)
     z = surface.vertices[:, 2]
     height = z - np.quantile(z, 0.02) if ground is None else ground.height_above(surface.vertices)
+    return height_colours(height, ~surface.observed)
+
+
+def height_colours(height_m: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+    """(N, 3) uint8 by `height_m (N,)` above the ground, tinted where `predicted (N,)`."""
     low, high = HEIGHTS_M
-    colours = HEIGHT(np.clip((height - low) / (high - low), 0, 1))[:, :3]
-    predicted = ~surface.observed
+    colours = HEIGHT(np.clip((height_m - low) / (high - low), 0, 1))[:, :3]
     colours[predicted] = (1 - PREDICTED_SHARE) * colours[predicted] + PREDICTED_SHARE * np.array(to_rgb(GAP_TINT))
     return np.round(colours * 255).astype(np.uint8)

@@ -12,9 +12,10 @@ from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
 from hilbertvae.cloud import Cloud
-from hilbertvae.files import atomic
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
-from hilbertvae.reports.field import BLOCK, REACH_M, Field, Predict, padded
+from hilbertvae.reports.field import BLOCK, REACH_M, Field, Predict
+from hilbertvae.reports.ply import write_ply_table
+from hilbertvae.voxel_blocks import padded
 
 OFF_THE_CUT = 1e-3
 """Values nearer to the cut are moved so far off it: a vertex then lies clearly on one edge of the lattice, not on a node of it."""
@@ -121,19 +122,8 @@ def write_ply(path: str | os.PathLike, surface: Surface, colours: np.ndarray) ->
     colours = np.asarray(colours)
     if colours.dtype != np.uint8:
         colours = np.round(np.clip(colours, 0, 1) * 255).astype(np.uint8)
-    names = {"x": "double", "y": "double", "z": "double", "red": "uchar", "green": "uchar", "blue": "uchar"}
-    names |= {"probability": "float", "observed": "uchar"}
-    kinds = {"double": "<f8", "float": "<f4", "uchar": "u1"}
-    vertices = np.empty(len(surface), [(name, kinds[kind]) for name, kind in names.items()])
-    for name, column in zip(names, [*surface.vertices.T, *colours.T, surface.probability, surface.observed], strict=True):
-        vertices[name] = column
-    faces = np.empty(len(surface.faces), [("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, surface.faces
-    header = ["ply", "format binary_little_endian 1.0", "comment metres, map frame; observed: an occupied point was shown there"]
-    header += [f"element vertex {len(vertices)}", *(f"property {kind} {name}" for name, kind in names.items())]
-    header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header\n"]
-    with atomic(path) as temporary, open(temporary, "wb") as file:
-        file.write("\n".join(header).encode("ascii"))
-        file.write(vertices.tobytes())
-        file.write(faces.tobytes())
-    return Path(path)
+    columns = dict(zip(("x", "y", "z"), surface.vertices.T, strict=True))
+    columns |= dict(zip(("red", "green", "blue"), colours.reshape(-1, 3).T, strict=True))
+    columns |= {"probability": surface.probability.astype(np.float32), "observed": surface.observed}
+    comment = "metres, map frame; observed: an occupied point was shown there"
+    return write_ply_table(path, columns, surface.faces, comment)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import zipfile
 from pathlib import Path
@@ -11,9 +10,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.file_points import FilePoints, check_expansion, reading
-
-HEADER_BYTES = 16384
-"""More than the header of an array of numbers takes."""
+from hilbertvae.scans.npz_arrays import array_header, read_array
 
 
 def read_npz(path: str | os.PathLike) -> FilePoints:
@@ -24,9 +21,9 @@ def read_npz(path: str | os.PathLike) -> FilePoints:
     """
     path = Path(path)
     with reading(path, "a .npz file"), zipfile.ZipFile(path) as archive:
-        headers = {name: _header(path, archive, name) for name in ("points", "origins", "scan") if f"{name}.npy" in archive.namelist()}
+        headers = {name: array_header(path, archive, name) for name in ("points", "origins", "scan") if f"{name}.npy" in archive.namelist()}
         _check(path, archive, headers)
-        arrays = {name: _array(archive, name) for name in headers}
+        arrays = {name: read_array(archive, name) for name in headers}
         scan, origins = arrays.get("scan"), arrays.get("origins")
         points = np.asarray(arrays["points"], dtype=np.float64)
         if origins is not None and origins.ndim == 2 and origins.shape != points.shape:
@@ -34,29 +31,6 @@ def read_npz(path: str | os.PathLike) -> FilePoints:
                 raise InputError(f"{path}: expected scan numbers of 0 to {len(origins) - 1}, a row of origins each")
             origins = origins[scan]
         return FilePoints(points, None if origins is None else np.asarray(origins, dtype=np.float64), scan)
-
-
-def _header(path: Path, archive: zipfile.ZipFile, name: str) -> tuple[tuple[int, ...], np.dtype]:
-    """An array's shape and dtype, checked against the size of its member of the archive."""
-    member = archive.getinfo(f"{name}.npy")
-    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise InputError(f"{path}: expected members that are stored or deflated, {name} is neither")
-    with archive.open(member) as file:
-        start = io.BytesIO(file.read(HEADER_BYTES))
-    version = np.lib.format.read_magic(start)
-    if version not in ((1, 0), (2, 0)):
-        raise InputError(f"{path}: {name} has npy version {version}, expected 1.0 or 2.0 as arrays of numbers have")
-    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, _, dtype = read(start)
-    if dtype.kind not in "fiu":
-        raise InputError(f"{path}: expected {name} of numbers, got dtype {dtype}")
-    needed = dtype.itemsize
-    for length in shape:
-        needed *= int(length)
-    there = member.file_size - start.tell()
-    if min(shape, default=0) < 0 or needed != there:
-        raise InputError(f"{path}: truncated or forged; {name} {shape} {dtype} take {needed} bytes, {there} are there")
-    return shape, dtype
 
 
 def _check(path: Path, archive: zipfile.ZipFile, headers: dict) -> None:
@@ -75,8 +49,3 @@ def _check(path: Path, archive: zipfile.ZipFile, headers: dict) -> None:
         per_scan = "scan" in headers and shape[0] and len(found) == 2 and found[1] == shape[1] and 0 < found[0] <= shape[0]
         if found not in (shape, shape[1:]) and not per_scan:
             raise InputError(f"{path}: expected origins of shape {shape}, {shape[1:]} or, with scan, (S, {shape[1]}), got {found}")
-
-
-def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
-    with archive.open(f"{name}.npy") as file:
-        return np.lib.format.read_array(file, allow_pickle=False)

@@ -1,0 +1,137 @@
+"""A fitted map as cells of a lattice: what every file of it is written from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hilbertvae.checks import InputError, check_points, check_positive
+from hilbertvae.mappers.mapper import FREE_BELOW, OCCUPIED_ABOVE, Mapper
+from hilbertvae.reports.field import REACH_M, answers
+from hilbertvae.voxel_blocks import NearVoxels, lattice_index
+
+UNKNOWN_WITHIN = 0.02
+"""A cell that was not observed is kept if p is farther than this from 0.5: nearer, it says nothing that a planner would act on, and
+faded answers would fill files with cells of 0.500 to the end of the reach."""
+QUERIES_AT_ONCE = 1_000_000
+MOST_DENSE = 1 << 27
+"""Cells of the array that `dense` makes."""
+
+
+@dataclass(frozen=True)
+class MapCells:
+    """Cells of which a map says something, each once.
+
+    index: (V, D) int64, D 2 or 3; a cell's centre is (index + 0.5) * resolution_m, metres, map frame.
+    probability: (V,) float32, p(occupied). std: (V,) float32, NaN from a mapper that has none. observed: (V,) bool; what is not, is
+    predicted.
+    """
+
+    index: np.ndarray
+    resolution_m: float
+    probability: np.ndarray
+    std: np.ndarray
+    observed: np.ndarray
+
+    def __post_init__(self):
+        check_positive(self.resolution_m, "resolution_m")
+        index = np.asarray(self.index)
+        if index.ndim != 2 or index.shape[1] not in (2, 3) or index.dtype.kind not in "iu":
+            raise InputError(f"index: expected whole numbers of shape (V, 2) or (V, 3), got {index.dtype} {index.shape}")
+        columns = {"index": index.astype(np.int64, copy=False)}
+        for name, kind in (("probability", np.float32), ("std", np.float32), ("observed", bool)):
+            column = np.asarray(getattr(self, name))
+            if column.shape != index.shape[:1] or column.dtype.kind not in ("b" if kind is bool else "fiu"):
+                raise InputError(f"{name}: expected shape {index.shape[:1]} of {kind.__name__}, got {column.dtype} {column.shape}")
+            columns[name] = column.astype(kind, copy=False)
+        if not ((columns["probability"] >= 0) & (columns["probability"] <= 1)).all():
+            raise InputError("probability: expected numbers from 0 to 1")
+        for name, column in columns.items():
+            object.__setattr__(self, name, column)
+
+    @classmethod
+    def sample(
+        cls,
+        mapper: Mapper,
+        points: np.ndarray,
+        resolution_m: float,
+        reach_m: float = REACH_M,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> MapCells:
+        """Ask a fitted mapper at every voxel that is at most `reach_m` from a voxel of `points (N, D)` along each axis.
+
+        Kept are the cells that were observed, and those with p off 0.5 (`UNKNOWN_WITHIN`); memory follows them. A mapper that can't tell
+        what it observed is taken to have observed the voxels of `points`.
+        reach_m: 1.5 m, in 2D too, hold all of a gap of 2.5 m and nine tenths of one of 5 m; farther off, fewer guesses are right.
+        progress: is told how many blocks are done, of how many.
+        Raises `InputError` for bad points, and for a reach of more than 256 voxels in 2D, 32 in 3D.
+        """
+        points = check_points(points)
+        dimension = points.shape[1]
+        near = NearVoxels.of(points, resolution_m, reach_m)
+        parts = [(np.empty((0, dimension), np.int64), np.empty(0, np.float32), np.empty(0, np.float32), np.empty(0, bool))]
+        for done, portion in near.portions(QUERIES_AT_ONCE):
+            index = lattice_index(portion)
+            centres = (index + 0.5) * resolution_m
+            probability = answers(mapper.predict_map, centres)
+            if hasattr(mapper, "observed"):
+                observed = answers(mapper.observed, centres).astype(bool)
+            else:
+                observed = np.concatenate([_at(near.seen.get(key), local) for key, local in portion])
+            kept = observed | (np.abs(probability - 0.5) > UNKNOWN_WITHIN)
+            std = answers(mapper.predict_std, centres[kept]) if hasattr(mapper, "predict_std") else np.full(kept.sum(), np.nan)
+            parts.append((index[kept], probability[kept].astype(np.float32), std.astype(np.float32), observed[kept]))
+            if progress:
+                progress(done, len(near.keys))
+        index, probability, std, observed = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return cls(index, float(resolution_m), probability, std, observed)
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    @property
+    def dimension(self) -> int:
+        return self.index.shape[1]
+
+    @property
+    def centres(self) -> np.ndarray:
+        """(V, D) float64, metres, map frame."""
+        return (self.index + 0.5) * self.resolution_m
+
+    @property
+    def occupied(self) -> np.ndarray:
+        """(V,) bool: p > 0.6. In float32 on both sides, where the cut itself does not count as above it."""
+        return self.probability > np.float32(OCCUPIED_ABOVE)
+
+    @property
+    def free(self) -> np.ndarray:
+        """(V,) bool: p <= 0.4. Cells between the cuts are neither."""
+        return self.probability <= np.float32(FREE_BELOW)
+
+    def select(self, chosen: np.ndarray) -> MapCells:
+        """The cells at `chosen`, a mask or indices."""
+        return MapCells(self.index[chosen], self.resolution_m, self.probability[chosen], self.std[chosen], self.observed[chosen])
+
+    def box(self) -> tuple[np.ndarray, tuple[int, ...]]:
+        """The first index (D,) of the smallest box that holds all cells, and how many cells it has along each axis."""
+        if not len(self):
+            raise InputError("cells: expected at least one, got a map that says nothing")
+        low, high = self.index.min(axis=0), self.index.max(axis=0)
+        return low, tuple(int(b) - int(a) + 1 for a, b in zip(low, high, strict=True))
+
+    def dense(self, values: np.ndarray, fill) -> np.ndarray:
+        """`values (V,)` in an array over `box`, x first, `fill` elsewhere. Raises `InputError` where that takes too much memory."""
+        low, shape = self.box()
+        if np.prod(np.array(shape, float)) > MOST_DENSE:
+            size = f"{' x '.join(map(str, shape))} of {self.resolution_m:g} m"
+            raise InputError(f"cells: expected a box of at most {MOST_DENSE} cells, got {size}; is there an outlier?")
+        filled = np.full(shape, fill, np.asarray(values).dtype)
+        filled[tuple((self.index - low).T)] = values
+        return filled
+
+
+def _at(block: np.ndarray | None, local: np.ndarray) -> np.ndarray:
+    """(n,) bool: a block's values at `local (n, D)`, False everywhere in a block that there is not."""
+    return np.zeros(len(local), bool) if block is None else block[tuple(local.T)]

@@ -1,0 +1,48 @@
+"""A map as a Rerun recording, observed and predicted cells apart (extra `rerun`)."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from hilbertvae.checks import InputError
+from hilbertvae.exports.cell_colours import cell_colours
+from hilbertvae.exports.map_cells import MapCells
+from hilbertvae.files import atomic
+from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
+
+
+def write_rerun(cells: MapCells, path: str | os.PathLike, colour: str = "probability", above: float = OCCUPIED_ABOVE) -> Path:
+    """Write cells with p > `above` as points, the entities `map/observed` and `map/predicted`, each with `probability` and `std`.
+
+    Rerun's coordinates are float32: they count from the corner of the map in whole metres, which is `map`'s value `origin_m`, (0, 0, 0)
+    for a map within a kilometre of the origin. A 2D map lies at z = 0.
+    colour: see `cell_colours`. above: occupied cells unless given. Raises `InputError` where rerun-sdk is not installed.
+    """
+    path = Path(path)
+    if path.suffix != ".rrd":
+        raise InputError(f"{path}: expected a name that ends in .rrd")
+    try:
+        import rerun
+    except ImportError as error:
+        raise InputError(f"{path}: needs the extra 'rerun', which is not installed: pip install hilbertvae[rerun]") from error
+    chosen = cells.select(cells.probability > np.float32(above))
+    colours = cell_colours(chosen, colour)
+    places = np.zeros((len(chosen), 3))
+    places[:, : chosen.dimension] = chosen.centres
+    origin_m = np.zeros(3)
+    if np.abs(places).max(initial=0.0) > 1000:
+        origin_m = np.floor(places.min(axis=0))
+    places = (places - origin_m).astype(np.float32)
+    with atomic(path) as temporary:
+        recording = rerun.RecordingStream("hilbertvae")
+        recording.save(temporary)
+        recording.log("map", rerun.AnyValues(origin_m=origin_m, resolution_m=cells.resolution_m), static=True)
+        for name, part in (("observed", chosen.observed), ("predicted", ~chosen.observed)):
+            points = rerun.Points3D(places[part], colors=colours[part], radii=np.float32(cells.resolution_m / 2))
+            values = rerun.AnyValues(probability=chosen.probability[part], std=chosen.std[part])
+            recording.log(f"map/{name}", points, values, static=True)
+        recording.disconnect()
+    return path

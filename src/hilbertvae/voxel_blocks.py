@@ -1,0 +1,112 @@
+"""The map's lattice in blocks of voxels, held only where there is something, so that a long drive fits into memory; D is 2 or 3."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy import ndimage
+
+from hilbertvae.checks import InputError, check_points, check_positive
+from hilbertvae.voxel_votes import voxel_index
+
+SIDE = {2: 256, 3: 32}
+"""Voxels along a block's side, by dimension."""
+POINTS_AT_ONCE = 1_000_000
+FARTHEST = 2.0**44
+"""Voxels from the origin; beyond, centres of voxels would lose their digits."""
+
+Key = tuple[int, ...]
+Blocks = dict[Key, np.ndarray]
+"""By block (voxel index // side) an array of D axes, x first, each as long as a block's side."""
+
+
+def by_block(index: np.ndarray) -> Iterator[tuple[Key, np.ndarray]]:
+    """Each block's key and the rows (n,) of `index (N, D)` that lie in it."""
+    if not len(index):
+        return
+    key = index // SIDE[index.shape[1]]
+    low = key.min(axis=0)
+    flat = np.ravel_multi_index(tuple((key - low).T), tuple(key.max(axis=0) - low + 1))
+    order = np.argsort(flat, kind="stable")
+    starts = np.flatnonzero(np.diff(flat[order], prepend=-1))
+    for part in np.split(order, starts[1:]):
+        yield tuple(key[part[0]].tolist()), part
+
+
+def padded(blocks: Blocks, key: Key, before: int, after: int, fill) -> np.ndarray:
+    """The block at `key` with so many voxels of its neighbours before and after it along each axis, `fill` where there is no block."""
+    side, dimension = SIDE[len(key)], len(key)
+    dtype = next(iter(blocks.values())).dtype if blocks else np.float32
+    whole = np.full((before + side + after,) * dimension, fill, dtype)
+    to = {-1: slice(0, before), 0: slice(before, before + side), 1: slice(before + side, None)}
+    taken = {-1: slice(side - before, None), 0: slice(None), 1: slice(0, after)}
+    for step in product((-1, 0, 1), repeat=dimension):
+        block = blocks.get(tuple(int(k + s) for k, s in zip(key, step, strict=True)))
+        if block is not None:
+            whole[tuple(to[s] for s in step)] = block[tuple(taken[s] for s in step)]
+    return whole
+
+
+@dataclass(frozen=True)
+class NearVoxels:
+    """The voxels that are at most `reach` voxels from those of some points, along each axis.
+
+    seen: blocks of bool, true at the points' own voxels; keys: the blocks that may hold a voxel, in order.
+    """
+
+    seen: Blocks
+    reach: int
+    keys: list[Key]
+
+    @classmethod
+    def of(cls, points: np.ndarray, resolution_m: float, reach_m: float) -> NearVoxels:
+        """Around `points (N, D)` in metres. Raises `InputError` for a reach longer than a block, and for points too far from the origin."""
+        points = check_points(points)
+        dimension = points.shape[1]
+        side = SIDE[dimension]
+        reach = int(np.ceil(check_positive(reach_m, "reach_m") / check_positive(resolution_m, "resolution_m") - 1e-9))
+        if reach > side:
+            raise InputError(f"reach_m: expected at most {side} voxels, {side * resolution_m:g} m, got {reach_m:g} m")
+        if np.abs(points).max() / resolution_m > FARTHEST or np.prod(np.ptp(points, axis=0) / (resolution_m * side) + 3) > 2**62:
+            low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+            raise InputError(f"points: {low} to {high} m is too large for voxels of {resolution_m} m; is there an outlier?")
+        seen: Blocks = {}
+        for start in range(0, len(points), POINTS_AT_ONCE):
+            index = voxel_index(points[start : start + POINTS_AT_ONCE], resolution_m)
+            for key, rows in by_block(index):
+                if key not in seen:
+                    seen[key] = np.zeros((side,) * dimension, bool)
+                seen[key][tuple((index[rows] % side).T)] = True
+        steps = list(product((-1, 0, 1), repeat=dimension))
+        return cls(seen, reach, sorted({tuple(k + s for k, s in zip(key, step, strict=True)) for key in seen for step in steps}))
+
+    def voxels(self, key: Key) -> np.ndarray:
+        """(n, D) int64: places in the block at `key`, from its first voxel, in the order of an array's elements."""
+        near = padded(self.seen, key, self.reach, self.reach, False)
+        if not near.any():
+            return np.empty((0, len(key)), np.int64)
+        for axis in range(len(key)):
+            near = ndimage.maximum_filter1d(near, 2 * self.reach + 1, axis=axis, mode="constant")
+        inner = slice(self.reach, self.reach + SIDE[len(key)])
+        return np.argwhere(near[(inner,) * len(key)])
+
+    def portions(self, at_once: int) -> Iterator[tuple[int, list[tuple[Key, np.ndarray]]]]:
+        """How many blocks are done, and keys and voxels of the next ones that have any: just over `at_once` voxels at a time."""
+        waiting: list[tuple[Key, np.ndarray]] = []
+        held = 0
+        for done, key in enumerate(self.keys, start=1):
+            local = self.voxels(key)
+            if len(local):
+                waiting.append((key, local))
+                held += len(local)
+            if waiting and (held >= at_once or done == len(self.keys)):
+                yield done, waiting
+                waiting, held = [], 0
+
+
+def lattice_index(portion: list[tuple[Key, np.ndarray]]) -> np.ndarray:
+    """(V, D) int64: the voxels of a portion on the map's lattice."""
+    return np.concatenate([local + np.array(key) * SIDE[len(key)] for key, local in portion])

@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+import trimesh
+from export_toys import UTM, random_cells
+
+from hilbertvae.checks import InputError
+from hilbertvae.exports.map_cells import MapCells
+from hilbertvae.exports.mesh_ply import cells_surface, write_mesh_ply
+from hilbertvae.reports.field import BLOCK
+
+
+def house(offset=(0, 0, 0)):
+    """A hollow box of cells over block sides, its roof predicted; free inside, nothing said outside."""
+    index = np.stack(np.meshgrid(*[np.arange(-5, BLOCK + 3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    wall = ((index == -5) | (index == BLOCK + 2)).any(axis=1)
+    seen = index[:, 2] < BLOCK + 2
+    return MapCells(index + np.array(offset), 0.2, np.where(wall, 0.9, 0.05), np.zeros(len(index)), seen), wall
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_mesh_holds_the_occupied_cells_and_no_others(tmp_path, seed):
+    cells = random_cells(3, seed, count=400, span=12, offset_m=-0.6)
+    mesh = trimesh.load(write_mesh_ply(cells, tmp_path / "map.ply"), process=False)
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    inside = mesh.contains(cells.centres)
+    off_the_cut = np.abs(cells.probability - 0.6) > 0.01
+    np.testing.assert_array_equal(inside[off_the_cut], cells.occupied[off_the_cut])
+
+
+def test_a_house_is_closed_and_its_roof_predicted(tmp_path):
+    cells, _ = house(np.floor(UTM / 0.2).astype(int))
+    mesh = trimesh.load(write_mesh_ply(cells, tmp_path / "map.ply"), process=False)
+    corner = cells.centres.min(axis=0)
+    mesh.vertices -= corner
+    assert mesh.is_watertight and len(mesh.split(only_watertight=True)) == 2
+    side = (BLOCK + 7) * 0.2
+    # Unknown outside is 0.5 and free inside 0.05: the cut lies 3/4 and 6/17 of a cell from the walls' centres.
+    outer, inner = side + 2 * 0.2 * 0.75, side - 2 * 0.2 * 6 / 17
+    np.testing.assert_allclose(mesh.bounds, [[-0.15] * 3, [side + 0.15] * 3], atol=1e-6)
+    assert mesh.volume == pytest.approx(outer**3 - inner**3, rel=0.01)
+    raw = trimesh.load(tmp_path / "map.ply", process=False).metadata["_ply_raw"]["vertex"]["data"]
+    x, y, z = (raw[axis].ravel() - low for axis, low in zip("xyz", corner, strict=True))
+    off_the_edges = (np.minimum(x, y) > 0.5) & (np.maximum(x, y) < side - 0.5)
+    np.testing.assert_array_equal(raw["observed"].ravel()[off_the_edges & (z > side - 0.1)], 0)
+    np.testing.assert_array_equal(raw["observed"].ravel()[(z > 1) & (z < side - 1)], 1)
+
+
+def test_nothing_occupied_is_an_empty_mesh(tmp_path):
+    cells, wall = house()
+    surface = cells_surface(cells.select(~wall))
+    assert len(surface) == 0
+    assert write_mesh_ply(cells.select(~wall), tmp_path / "map.ply").exists()
+
+
+def test_a_2d_map_is_refused(tmp_path):
+    with pytest.raises(InputError, match="3D"):
+        write_mesh_ply(random_cells(2), tmp_path / "map.ply")
