@@ -114,6 +114,12 @@ def read_ros_map(path: str | os.PathLike, resolution_m: float | None = None) -> 
     return cloud_of_cells(cell @ sides + np.array([x, y]), codes[row, column] > 0, header.resolution_m, resolution_m, sides)
 
 
+def ros_map_cell_m(path: str | os.PathLike) -> float:
+    """The side of a map_server map's cells, metres; raises `InputError` as `read_ros_map` does."""
+    path = Path(path)
+    return _header(path if path.suffix.lower() in (".yaml", ".yml") else path.with_suffix(".yaml")).resolution_m
+
+
 def _header(path: Path) -> _Header:
     with reading(path, "a map_server YAML file"):
         if path.stat().st_size > MOST_YAML_BYTES:

@@ -6,21 +6,29 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.exports.map_cells import MapCells
+from hilbertvae.ground import find_ground
 from hilbertvae.reports.colours import PROBABILITY
 from hilbertvae.reports.lit_colours import LIT, height_colours
 
 GROUND_QUANTILE = 0.02
-"""Height counts from this quantile of the cells' own heights."""
+"""Where a map is too wide for tiles of ground, height counts from this quantile of the cells' own heights."""
+
+
+def heights_above_ground(cells: MapCells) -> np.ndarray:
+    """(V,) metres of a 3D map's cells above the ground below them, which is found from its observed occupied ones."""
+    z = cells.centres[:, 2]
+    seen = cells.centres[cells.observed & cells.occupied]
+    try:
+        return find_ground(seen if len(seen) else cells.centres).height_above(cells.centres)
+    except InputError:
+        return z - np.quantile(z, GROUND_QUANTILE) if len(z) else z
 
 
 def cell_colours(cells: MapCells, by: str = "probability") -> np.ndarray:
-    """(V, 3) uint8 by `probability`, or in 3D by `height` above the low end of the cells, tinted green where they are predicted."""
+    """(V, 3) uint8 by `probability`, or in 3D by `height` above the ground, tinted green where they are predicted."""
     if by == "probability":
         colours = (PROBABILITY if cells.dimension == 2 else LIT)(cells.probability.astype(np.float64), bytes=True)
         return colours[:, :3]
     if by != "height" or cells.dimension == 2:
         raise InputError(f"colour: expected probability, or in 3D height, got {by!r} for a {cells.dimension}D map")
-    if not len(cells):
-        return np.empty((0, 3), np.uint8)
-    z = cells.centres[:, 2]
-    return height_colours(z - np.quantile(z, GROUND_QUANTILE), ~cells.observed)
+    return height_colours(heights_above_ground(cells), ~cells.observed)

@@ -114,6 +114,24 @@ class MapCells:
         """The cells at `chosen`, a mask or indices."""
         return MapCells(self.index[chosen], self.resolution_m, self.probability[chosen], self.std[chosen], self.observed[chosen])
 
+    def joined(self, factor: int) -> MapCells:
+        """The cells on a lattice `factor` times as coarse (`coarser`)."""
+        return self.coarser(self.resolution_m * factor)
+
+    def coarser(self, resolution_m: float) -> MapCells:
+        """The cells on a lattice of `resolution_m`: of those whose centres fall into one, the likeliest to be occupied, so that thin walls
+        stay. What was observed wins over what was predicted: a cell counts as predicted only where nothing in it was seen.
+        """
+        if abs(check_positive(resolution_m, "resolution_m") / self.resolution_m - 1) < 1e-9:
+            return self
+        # A little inside of a cell: with a whole factor, rounding must not decide.
+        index = np.floor((self.index + 0.5) * (self.resolution_m / resolution_m) + 1e-9).astype(np.int64)
+        order = np.lexsort([-self.probability, ~self.observed, *index.T])
+        new = np.ones(len(order), bool)
+        new[1:] = (np.diff(index[order], axis=0) != 0).any(axis=1)
+        kept = order[new]
+        return MapCells(index[kept], float(resolution_m), self.probability[kept], self.std[kept], self.observed[kept])
+
     def box(self) -> tuple[np.ndarray, tuple[int, ...]]:
         """The first index (D,) of the smallest box that holds all cells, and how many cells it has along each axis."""
         if not len(self):

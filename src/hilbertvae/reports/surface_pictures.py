@@ -31,7 +31,7 @@ TURNS_DEG = (0.0, -25.0, 25.0, -50.0, 50.0)
 
 def site_view_picture(view: SiteView) -> Figure:
     """The whole site: what the mapper was shown beside its map, coloured by height and by p(occupied); gaps outlined and tinted."""
-    camera = _whole_view(view.truth.centres)
+    camera = whole_view(view.truth.centres)
     width, height = camera.pixels
     side = 7.2
     figure = new_figure(2 * side + 1.0, 2 * (side * height / width + 0.3))
@@ -51,7 +51,7 @@ def site_view_picture(view: SiteView) -> Figure:
     return figure
 
 
-def _whole_view(points: np.ndarray) -> Camera:
+def whole_view(points: np.ndarray) -> Camera:
     """A view across the longer side of a site, as high as the site needs, without the few points far off."""
     low, high = np.quantile(points, [0.001, 0.999], axis=0)
     points = points[((points >= low) & (points <= high)).all(axis=1)]

@@ -1,0 +1,89 @@
+"""Settings of a command as `key=value` words, checked against a dataclass, as those of `hilbertvae-train` are."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import sys
+import textwrap
+from typing import Any, TypeVar
+
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from hilbertvae.checks import InputError
+
+T = TypeVar("T")
+
+
+def settings_of(kind: type[T], words: list[str]) -> T:
+    """The dataclass `kind` with the values of `words`, each `key=value`.
+
+    Raises `InputError` for a word without `=`, an unknown key, a key given twice, or a value of another type; it names the key.
+    """
+    keys = [word.partition("=")[0] for word in words]
+    for word, key in zip(words, keys, strict=True):
+        if "=" not in word or not key:
+            raise InputError(f"{word!r}: expected key=value; see --help")
+        if keys.count(key) > 1:
+            raise InputError(f"{key}: given more than once")
+        if key not in {part.name for part in dataclasses.fields(kind)}:
+            raise InputError(f"{key}: unknown key; expected one of {', '.join(part.name for part in dataclasses.fields(kind))}")
+    schema = OmegaConf.structured(kind)
+    for word, key in zip(words, keys, strict=True):
+        text = word.partition("=")[2]
+        try:
+            # A path may hold anything, also what YAML reads as something else: a text stays as it was typed.
+            texts = types_of(kind)[key] in ("str", "str | None")
+            value: Any = (None if text == "null" else text) if texts else OmegaConf.from_dotlist([f"value={text}"])["value"]
+            OmegaConf.update(schema, key, value)
+        except (OmegaConfBaseException, ValueError) as error:
+            raise InputError(f"{key}: expected {types_of(kind)[key]}, got {text!r}") from error
+    return OmegaConf.to_object(schema)
+
+
+def types_of(kind: type) -> dict[str, str]:
+    """By key, the type as the source writes it."""
+    return {part.name: part.type if isinstance(part.type, str) else part.type.__name__ for part in dataclasses.fields(kind)}
+
+
+def keyword_help(command: str, kind: type, about: str) -> str:
+    """What `--help` prints: all keys with their defaults and what the source says of them."""
+    said = _documents(kind)
+    lines = [f"{command} key=value ...", "", about, ""]
+    for part in dataclasses.fields(kind):
+        default = part.default if part.default is not dataclasses.MISSING else part.default_factory()
+        shown = {None: "null", True: "on", False: "off", "": "(needed)"}.get(default, default) if not isinstance(default, list) else default
+        lines += [f"  {part.name}={shown}", *(f"      {line}" for line in said.get(part.name, "").splitlines())]
+    return "\n".join(lines)
+
+
+def _documents(kind: type) -> dict[str, str]:
+    """By field, the string below it in the source of its class or of one that it inherits from."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        if not dataclasses.is_dataclass(base):
+            continue
+        body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0].body
+        for field, below in zip(body, body[1:], strict=False):
+            if isinstance(field, ast.AnnAssign) and isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+                found[field.target.id] = " ".join(str(below.value.value).split())
+    return found
+
+
+def run_command(command: str, kind: type[T], about: str, run, words: list[str] | None) -> int:
+    """Parse `words` (those of the command line unless given), call `run(settings)`, and give the exit code: 2 for bad input."""
+    words = sys.argv[1:] if words is None else words
+    if not words or {"-h", "--help"} & set(words):
+        print(keyword_help(command, kind, about))
+        return 0 if words else 2
+    try:
+        run(settings_of(kind, words))
+    except KeyboardInterrupt:
+        print(f"{command}: stopped", file=sys.stderr)
+        return 130
+    except (InputError, OSError, MemoryError) as error:
+        print(f"{command}: {error}", file=sys.stderr)
+        return 2
+    return 0

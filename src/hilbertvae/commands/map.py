@@ -1,0 +1,45 @@
+"""`hilbertvae-map`: scans in, a gap-filled map out, in the formats of other tools."""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+from pathlib import Path
+
+from rich.console import Console
+
+from hilbertvae.commands.keywords import run_command
+from hilbertvae.mapping import SUMMARY, MapSettings, make_map
+
+ABOUT = "Map the scans at a path and fill in what the sensor could not see. Nothing but scans= is needed."
+
+
+def run(settings: MapSettings) -> None:
+    """Make the map, say what it came out as."""
+    console = Console(stderr=True)
+    warnings.showwarning = lambda message, *rest, **named: console.print(f"[yellow]{message}[/]", highlight=False)
+    with console.status("start") as status:
+        output = make_map(settings, lambda stage: status.update(f"{settings.scans}: {stage}"))
+    summary = json.loads((output / SUMMARY).read_text(encoding="utf-8"))
+    print(report(summary, output))
+
+
+def report(summary: dict, output: Path) -> str:
+    """What was filled in, how long it took and what was written, as lines of text."""
+    cell = summary["resolution_m"] ** summary["dimension"]
+    unit = "m2" if summary["dimension"] == 2 else "m3"
+    before, after = summary["cells"]["before"], summary["cells"]["after"]
+    lines = [f"{summary['name']}: {summary['dimension']}D, cells of {summary['resolution_m']:g} m"]
+    lines += [f"  {kind:8} {before[kind] * cell:12,.1f} {unit} observed, {after[kind] * cell:12,.1f} {unit} filled in" for kind in before]
+    lines += ["  " + ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in summary["seconds"].items())]
+    return "\n".join([*lines, *(f"  {output / name}" for name in summary["files"])])
+
+
+def main(words: list[str] | None = None) -> int:
+    """Entry point; the exit code, 2 for what can't be read, mapped or written."""
+    return run_command("hilbertvae-map", MapSettings, ABOUT, run, words)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,68 @@
+"""`hilbertvae-query`: what a map says at given points."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hilbertvae.checks import InputError, check_points
+from hilbertvae.commands.keywords import run_command
+from hilbertvae.files import atomic
+from hilbertvae.mappers.saved_map import load_map
+from hilbertvae.scans.point_files import read_points
+
+ABOUT = "Ask a map that hilbertvae-map wrote for p(occupied) at any points; one line of text per point."
+
+
+@dataclass
+class QuerySettings:
+    """One run of `hilbertvae-query`."""
+
+    map: str = ""
+    """A `map.safetensors`, or the folder that has it."""
+    points: str = ""
+    """A file of points in metres in the map's frame: text, .npz, or a cloud in a format that scans may have."""
+    output: str | None = None
+    """A .csv, or a .npz; unless given, text goes to the standard output."""
+
+
+def run(settings: QuerySettings) -> None:
+    """Ask the map, and write the answers."""
+    for key in ("map", "points"):
+        if not getattr(settings, key):
+            raise InputError(f"{key}: expected a path, got none; give {key}=<path>")
+    if settings.output and Path(settings.output).suffix not in (".csv", ".npz"):
+        raise InputError(f"output: expected a name that ends in .csv or .npz, got {settings.output}")
+    mapper = load_map(Path(settings.map) / "map.safetensors" if Path(settings.map).is_dir() else settings.map)
+    points = check_points(read_points(settings.points).points, settings.points)
+    if points.shape[1] != mapper.n_features_in_:
+        raise InputError(f"{settings.points}: expected {mapper.n_features_in_} coordinates, as the map has, got {points.shape[1]}")
+    answers = {
+        "probability": mapper.predict_map(points),
+        "std": mapper.predict_std(points),
+        "observed": mapper.observed(points),
+    }
+    if settings.output and settings.output.endswith(".npz"):
+        with atomic(settings.output) as temporary:
+            np.savez_compressed(temporary, points=points, **answers)
+        return
+    table = np.column_stack([points, *(answer.astype(float) for answer in answers.values())])
+    shape = ["%.4f"] * points.shape[1] + ["%.4f", "%.4f", "%d"]
+    names = ["x", "y", "z"][: points.shape[1]] + list(answers)
+    if settings.output:
+        with atomic(settings.output) as temporary:
+            np.savetxt(temporary, table, shape, ",", header=",".join(names), comments="")
+    else:
+        np.savetxt(sys.stdout, table, shape, ",", header=",".join(names), comments="")
+
+
+def main(words: list[str] | None = None) -> int:
+    """Entry point; the exit code, 2 for what can't be read or written."""
+    return run_command("hilbertvae-query", QuerySettings, ABOUT, run, words)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

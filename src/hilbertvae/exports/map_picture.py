@@ -1,0 +1,66 @@
+"""A map before and after: what was observed, and what was filled in beside it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from hilbertvae.checks import InputError
+from hilbertvae.exports.cell_colours import heights_above_ground
+from hilbertvae.exports.map_cells import MapCells
+from hilbertvae.reports.canvas import new_figure, probability_bar, save_picture, scale_bar, show_probability
+from hilbertvae.reports.lit_colours import GAP_TINT, HEIGHT, HEIGHTS_M
+from hilbertvae.reports.oblique import render_voxels
+from hilbertvae.reports.surface_pictures import whole_view
+
+MOST_PX = 2400
+"""Cells along a side of a drawn 2D map; the likeliest to be occupied of those that become one, so that thin walls stay."""
+
+
+def write_picture(cells: MapCells, path: str | os.PathLike, title: str) -> Path:
+    """The picture of a sampled map at `path`. Raises `InputError` for a map without known cells."""
+    if not len(cells):
+        raise InputError(f"{path}: expected a map with known cells, got none")
+    return save_picture(_flat(cells, title) if cells.dimension == 2 else _solid(cells, title), path)
+
+
+def _flat(cells: MapCells, title: str) -> Figure:
+    """Two sheets of p(occupied), unknown grey."""
+    cells = cells.joined(-(-max(cells.box()[1]) // MOST_PX))
+    low, shape = cells.box()
+    sheets = [cells.dense(np.where(shown, cells.probability, np.float32(0.5)), np.float32(0.5)).T for shown in (cells.observed, True)]
+    left, bottom = low * cells.resolution_m
+    extent = (left, left + shape[0] * cells.resolution_m, bottom, bottom + shape[1] * cells.resolution_m)
+    wide = shape[0] >= 2 * shape[1]
+    side = 7.0
+    width, height = (2 * side, side * shape[1] / shape[0]) if wide else (side * min(shape[0] / shape[1], 2), side)
+    figure = new_figure(width + 1.2, 2 * height + 0.6) if wide else new_figure(2 * width + 1.2, height + 0.4)
+    panels = figure.subplots(2, 1) if wide else figure.subplots(1, 2)
+    for axes, sheet, said in zip(panels, sheets, (f"{title}, as observed", "filled in"), strict=True):
+        image = show_probability(axes, sheet, extent)
+        scale_bar(axes)
+        axes.set_title(said, fontsize=10, loc="left", pad=3)
+    probability_bar(figure, image, panels.tolist(), shrink=0.8)
+    return figure
+
+
+def _solid(cells: MapCells, title: str) -> Figure:
+    """The occupied voxels from obliquely above, coloured by height, what was filled in tinted."""
+    occupied = cells.select(cells.occupied) if cells.occupied.any() else cells.select(np.argsort(cells.probability)[-1:])
+    camera = whole_view(occupied.centres)
+    height_m = heights_above_ground(occupied)
+    side = 9.0
+    figure = new_figure(side, 2 * (side * camera.pixels[1] / camera.pixels[0] + 0.3))
+    panels = figure.subplots(2, 1)
+    drawn = {f"{title}, as observed": occupied.observed, "filled in, green": np.ones(len(occupied), bool)}
+    for axes, (said, shown) in zip(panels, drawn.items(), strict=True):
+        part, tinted = occupied.select(shown), ~occupied.observed[shown]
+        image = render_voxels(part.centres, height_m[shown], camera, cells.resolution_m, HEIGHT, HEIGHTS_M, tinted, GAP_TINT)
+        axes.imshow(image, extent=(0, camera.pixels[0] * camera.pixel_m, 0, camera.pixels[1] * camera.pixel_m), interpolation="antialiased")
+        axes.set(xticks=[], yticks=[])
+        scale_bar(axes)
+        axes.set_title(said, fontsize=10, loc="left", pad=3)
+    return figure

@@ -1,0 +1,140 @@
+"""One HTML file to look at a map with: before beside after, what was filled in, how sure it is, and in 3D a view that turns.
+
+The file holds all it shows: no script, style or picture is fetched from anywhere.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import json
+import os
+from pathlib import Path
+from string import Template
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import Colormap, to_hex, to_rgb
+from PIL import Image
+
+from hilbertvae.checks import InputError
+from hilbertvae.exports.cell_colours import heights_above_ground
+from hilbertvae.exports.map_cells import MapCells
+from hilbertvae.files import atomic
+from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
+from hilbertvae.reports.colours import GAP_COLOUR, PROBABILITY
+from hilbertvae.reports.lit_colours import HEIGHT, HEIGHTS_M, LIT
+
+TEMPLATE = Path(__file__).with_suffix(".html")
+MOST_CELLS = 1_500_000
+"""In 3D more voxels than these are joined, two to a side, until they fit: a browser has to hold and turn them."""
+MOST_PIXELS = 8_000
+"""Along a side of a 2D map's picture; browsers refuse much larger ones."""
+WIDEST_STD = 0.5
+"""The end of the scale of uncertainty: answers can't disagree more."""
+UNCERTAIN = colormaps["magma_r"]
+
+
+def write_page(cells: MapCells, path: str | os.PathLike, title: str, tables: dict[str, list[list[str]]]) -> Path:
+    """Write the page of a sampled map as `path`, whole or not there.
+
+    tables: by heading, rows of text shown under the map. Raises `InputError` for a map without cells.
+    """
+    if not len(cells):
+        raise InputError(f"{path}: expected a map with known cells, got none")
+    data = _flat(cells) if cells.dimension == 2 else _solid(cells)
+    hint = "drag to move" if data["dimension"] == 2 else "drag to turn, with shift to move"
+    text = Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
+        title=html.escape(title),
+        unknown=to_hex(PROBABILITY(0.5)),
+        hint=f"{hint}, wheel to come closer",
+        tables="".join(_table(heading, rows) for heading, rows in tables.items()),
+        data=json.dumps(data).replace("</", "<\\/"),
+    )
+    with atomic(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return Path(path)
+
+
+def _flat(cells: MapCells) -> dict:
+    """Pictures of a 2D map, a pixel per cell; rows from the top."""
+    low, high = cells.index.min(axis=0), cells.index.max(axis=0)
+    factor = -(-int((high - low + 1).max()) // MOST_PIXELS)
+    cells = cells.joined(factor)
+    low = cells.index.min(axis=0)
+    columns, rows = (cells.index.max(axis=0) - low + 1).tolist()
+    column, row = (cells.index - low).T
+    row = rows - 1 - row
+
+    def picture(colours: np.ndarray) -> str:
+        pixels = np.zeros((rows, columns, 4), np.uint8)
+        pixels[row, column] = colours
+        file = io.BytesIO()
+        Image.fromarray(pixels).save(file, "PNG", optimize=True)
+        return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()
+
+    solid = np.full((len(cells), 4), 255, np.uint8)
+    tint = np.zeros_like(solid)
+    tint[~cells.observed] = (*_byte(to_rgb(GAP_COLOUR)), 110)
+    likely = picture(_byte(PROBABILITY(cells.probability.astype(float))))
+    modes = [
+        {**_mode("probability", PROBABILITY, "free", "occupied"), "image": likely},
+        {**_mode("uncertainty", UNCERTAIN, "sure", "unsure"), "image": picture(_byte(UNCERTAIN(_uncertainty(cells))))},
+    ]
+    observed = picture(solid * cells.observed[:, None])
+    return {"dimension": 2, "resolution_m": cells.resolution_m, "observed": observed, "tint": picture(tint), "modes": modes}
+
+
+def _solid(cells: MapCells) -> dict:
+    """The occupied voxels of a 3D map: three uint16 and four bytes each (height, probability, uncertainty, observed)."""
+    occupied = cells.select(cells.occupied)
+    if not len(occupied):
+        occupied = cells.select(np.argsort(cells.probability)[-1:])  # an empty view would look like a fault of the page
+    while len(occupied) > MOST_CELLS or np.ptp(occupied.index, axis=0).max() >= 1 << 16:
+        occupied = occupied.joined(2)
+    low = occupied.index.min(axis=0)
+    place = occupied.index - low
+    lowest_m, highest_m = HEIGHTS_M
+    height = (heights_above_ground(occupied) - lowest_m) / (highest_m - lowest_m)
+    values = [height, (occupied.probability - OCCUPIED_ABOVE) / (1 - OCCUPIED_ABOVE), _uncertainty(occupied), occupied.observed]
+    maps = {
+        "height": (HEIGHT, "ground", f"{highest_m:g} m above"),
+        "probability": (LIT, "just occupied", "surely"),
+        "uncertainty": (UNCERTAIN, "sure", "unsure"),
+    }
+    ramps = [_byte(colours(np.linspace(0, 1, 256)))[:, :3] for colours, _, _ in maps.values()]
+    return {
+        "dimension": 3,
+        "resolution_m": occupied.resolution_m,
+        "span": (place.max(axis=0) + 1).tolist(),
+        "cells": _packed(place.astype("<u2")),
+        "values": _packed(_byte(np.column_stack(values))),
+        "ramps": _packed(np.stack([*ramps, ramps[-1]])),
+        "tint": to_rgb(GAP_COLOUR),
+        "background": to_rgb("#e9ecef"),
+        "modes": [_mode(name, *how) for name, how in maps.items()],
+    }
+
+
+def _uncertainty(cells: MapCells) -> np.ndarray:
+    return np.clip(np.nan_to_num(cells.std.astype(float)) / WIDEST_STD, 0, 1)
+
+
+def _mode(name: str, colours: Colormap, low: str, high: str) -> dict:
+    return {"name": name, "low": low, "high": high, "stops": [to_hex(colours(share)) for share in np.linspace(0, 1, 9)]}
+
+
+def _byte(share) -> np.ndarray:
+    return np.round(np.clip(np.asarray(share, float), 0, 1) * 255).astype(np.uint8)
+
+
+def _packed(array: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode()
+
+
+def _table(heading: str, rows: list[list[str]]) -> str:
+    cell = "".join
+    body = cell(f"<tr>{cell(f'<td>{html.escape(str(word))}</td>' for word in row)}</tr>" for row in rows[1:])
+    head = cell(f"<th>{html.escape(str(word))}</th>" for word in rows[0])
+    return f"<table><caption>{html.escape(heading)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

@@ -1,0 +1,51 @@
+"""What a map came out as, in numbers: for `summary.json` and for the page."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hilbertvae.cloud import Cloud
+from hilbertvae.exports.map_cells import MapCells
+from hilbertvae.scans.scan import Scans
+
+KINDS = ("occupied", "free", "unknown")
+
+
+def map_summary(name: str, cloud: Cloud, cells: MapCells, scans: Scans | None = None) -> dict:
+    """Plain values: extent in metres, points, and cells by what they are before and after.
+
+    unknown counts the cells of the smallest box that holds all known ones; `filled` those that were not observed.
+    """
+    low, shape = cells.box()
+    whole = int(np.prod([float(length) for length in shape]))
+    before, after = _counts(cells.select(cells.observed), whole), _counts(cells, whole)
+    points = {"occupied": int(cloud.occupied.sum()), "free": int((~cloud.occupied).sum())}
+    read = {"returns": len(scans), "scans": len(np.unique(scans.scan))} if scans is not None else {}
+    return {
+        "name": name,
+        "dimension": cells.dimension,
+        "resolution_m": cells.resolution_m,
+        "extent_m": {"low": (low * cells.resolution_m).tolist(), "high": ((low + shape) * cells.resolution_m).tolist()},
+        "points": {**read, **points},
+        "cells": {"before": before, "after": after, "filled": _counts(cells.select(~cells.observed), None)},
+    }
+
+
+def _counts(cells: MapCells, whole: int | None) -> dict[str, int]:
+    """Cells by what they are called; `whole` is how many there are with those of which nothing is known."""
+    occupied, free = int(cells.occupied.sum()), int(cells.free.sum())
+    return {"occupied": occupied, "free": free, "unknown": (len(cells) if whole is None else whole) - occupied - free}
+
+
+def summary_tables(summary: dict) -> dict[str, list[list[str]]]:
+    """The summary as tables of text, by heading; each one's first row is its head."""
+    cell_m = summary["resolution_m"] ** summary["dimension"]
+    unit = "m²" if summary["dimension"] == 2 else "m³"
+    cells = summary["cells"]
+    rows = [["", *cells]]
+    rows += [[f"{kind} ({unit})", *(f"{counts[kind] * cell_m:,.0f}" for counts in cells.values())] for kind in KINDS]
+    size = [high - low for low, high in zip(*(summary["extent_m"][end] for end in ("low", "high")), strict=True)]
+    about = [["", ""], ["extent (m)", " x ".join(f"{length:,.1f}" for length in size)], ["cells (m)", f"{summary['resolution_m']:g}"]]
+    about += [[f"{name} points" if name in KINDS else name, f"{count:,}"] for name, count in summary["points"].items()]
+    seconds = [["", "s"], *([stage, f"{taken:.1f}"] for stage, taken in summary.get("seconds", {}).items())]
+    return {"Cells": rows, "Data": about, "Time": seconds}

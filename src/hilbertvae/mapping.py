@@ -1,0 +1,131 @@
+"""Scans in; a gap-filled map, and everything to look at it with, out: what `hilbertvae-map` does."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+
+from hilbertvae.checks import InputError, check_positive
+from hilbertvae.cloud import fit_cloud
+from hilbertvae.exports.formats import check_exports, write_exports
+from hilbertvae.exports.map_cells import MapCells
+from hilbertvae.exports.map_picture import write_picture
+from hilbertvae.exports.page import write_page
+from hilbertvae.exports.summary import map_summary, summary_tables
+from hilbertvae.files import write_json
+from hilbertvae.mappers.given_map import GivenMap, is_given_map, read_given_map
+from hilbertvae.mappers.loading import load_mapper
+from hilbertvae.mappers.saved_map import save_map
+from hilbertvae.reports.provenance import made_by
+from hilbertvae.scans.formats import ReadingSettings, read_scans_path
+from hilbertvae.scans.scan import Scans
+
+Say = Callable[[str], None]
+MAP, PICTURE, PAGE, SUMMARY = "map.safetensors", "map.png", "summary.html", "summary.json"
+
+
+@dataclass
+class MapSettings(ReadingSettings):
+    """One run of `hilbertvae-map`; how scans are read is inherited."""
+
+    scans: str = ""
+    """A file or a folder of scans, or a map to be filled: an OctoMap `.ot` or `.bt`, a ROS map's `.yaml`."""
+    output: str | None = None
+    """Folder to write to; `outputs/maps/<name of the scans>` unless given."""
+    weights: str | None = None
+    """A network that comes with the package, or the `model.safetensors` of a training; `2d` or `3d`, as the data are, unless given."""
+    resolution_m: float | None = None
+    """Side of the map's cells; the network's own (0.1 in 2D, 0.2 in 3D), or that of a map to be filled, unless given."""
+    fill: bool = True
+    """`off` gives the observed map alone."""
+    exports: list[str] | None = None
+    """Which formats are written; all that suit the dimension and need no extra, unless given."""
+    device: str = "cpu"
+
+    def reading(self) -> ReadingSettings:
+        """How scans are read."""
+        return ReadingSettings(**{part.name: getattr(self, part.name) for part in fields(ReadingSettings)})
+
+
+def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
+    """Map the scans and write the results; the folder that has them. `say` is called with the name of each stage as it begins.
+
+    Files are written beside their places and moved there together at the end, so that what fails leaves nothing. Raises `InputError`
+    for what can't be read or mapped, and `OSError` where the folder can't be written.
+    """
+    if not settings.scans:
+        raise InputError("scans: expected a file or a folder of scans, got none; give scans=<path>")
+    if settings.resolution_m is not None:
+        check_positive(settings.resolution_m, "resolution_m")
+    name = Path(settings.scans).resolve().name
+    output = Path(settings.output or Path("outputs/maps") / name)
+    clock = Clock(say)
+    clock.start("read")
+    source = _read(settings)
+    exports = check_exports(settings.exports, source.dimension)
+    weights = settings.weights or f"{source.dimension}d"
+    mapper = load_mapper(weights, fill=settings.fill, device=settings.device)
+    network_m = mapper.reconstructor.resolution_m
+    resolution_m = settings.resolution_m or (source.cell_m if isinstance(source, GivenMap) else network_m)
+    # A coarser map is asked for finely, and its cells joined: the network has to see places in its own resolution.
+    mapper.resolution_m = fine_m = min(resolution_m, network_m)
+
+    output.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".writing-", dir=output) as place:
+        folder = Path(place)
+        clock.start("label points")
+        cloud = source.cloud(fine_m) if isinstance(source, GivenMap) else fit_cloud(source, fine_m)
+        clock.start("complete grids" if settings.fill else "gather evidence")
+        mapper.fit(cloud.points, cloud.occupied, cloud.weight)
+        clock.start("ask each cell")
+        cells = MapCells.sample(mapper, cloud.points, fine_m).coarser(resolution_m)
+        if not len(cells):
+            raise InputError(f"{settings.scans}: expected scans that show something, got none")
+        clock.start("write")
+        save_map(mapper, folder / MAP)
+        write_exports(exports, cells, folder)
+        write_picture(cells, folder / PICTURE, name)
+        clock.stop()
+        summary = map_summary(name, cloud, cells, source if isinstance(source, Scans) else None)
+        summary |= {"weights": Path(weights).name, "fill": settings.fill, "seconds": clock.seconds}
+        write_page(cells, folder / PAGE, name, summary_tables(summary))
+        files = sorted(file.name for file in folder.iterdir())
+        write_json(folder / SUMMARY, {**summary, "files": files, **made_by()})
+        for file in (*files, SUMMARY):
+            os.replace(folder / file, output / file)
+    return output
+
+
+def _read(settings: MapSettings) -> Scans | GivenMap:
+    if is_given_map(settings.scans):
+        return read_given_map(settings.scans)
+    scans = read_scans_path(settings.scans, settings.reading())
+    if not len(scans):
+        raise InputError(f"{settings.scans}: expected returns, found none; are all ranges beyond max_range_m, or no returns?")
+    return scans
+
+
+@dataclass
+class Clock:
+    """Seconds by stage, in the order in which they began."""
+
+    say: Say
+    seconds: dict[str, float] = field(default_factory=dict)
+    _running: tuple[str, float] | None = None
+
+    def start(self, stage: str) -> None:
+        """End the stage that runs, and begin another."""
+        self.stop()
+        self.say(stage)
+        self._running = (stage, time.perf_counter())
+
+    def stop(self) -> None:
+        """End the stage that runs."""
+        if self._running:
+            stage, began = self._running
+            self.seconds[stage] = round(time.perf_counter() - began, 3)
+        self._running = None

@@ -1,0 +1,211 @@
+"""`hilbertvae-map` from a file of scans to the files of other tools, and `hilbertvae-query` on what it wrote."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import octomap
+import pytest
+import trimesh
+import yaml
+from PIL import Image
+
+import hilbertvae
+from hilbertvae.commands import map as map_command
+from hilbertvae.commands import query as query_command
+from hilbertvae.exports.grid_npz import read_grid
+from hilbertvae.mapping import MapSettings, make_map
+from toy_rooms import carmen_line, tiny_reconstructor, write_log
+
+
+def npz_of(site, path):
+    scans = site.scans
+    np.savez(path, points=scans.points, origins=scans.origins, scan=scans.scan)
+    return path
+
+
+@pytest.fixture(scope="module")
+def mapped(place, tmp_path_factory):
+    """The folder that the command left for a room, its site, and the command's settings."""
+    folder = tmp_path_factory.mktemp("map")
+    weights = tiny_reconstructor(place.dimension).save(folder / "tiny.safetensors")
+    words = [f"scans={npz_of(place, folder / 'room.npz')}", f"output={folder / 'out'}", f"weights={weights}"]
+    assert map_command.main(words) == 0
+    return folder / "out", place, words
+
+
+def test_everything_is_there(mapped):
+    output, place, _ = mapped
+    summary = json.loads((output / "summary.json").read_text())
+    both = {"map.safetensors", "map.png", "summary.html", "map.npz", "map.ot", "map.bt", "map_observed.ot", "map_observed.bt", "points.ply"}
+    own = {"map.yaml", "map.pgm", "map_observed.yaml", "map_observed.pgm"} if place.dimension == 2 else {"mesh.ply"}
+    assert set(summary["files"]) == both | own == {path.name for path in output.iterdir()} - {"summary.json"}
+    assert summary["points"]["returns"] == len(place.scans) and summary["points"]["scans"] == len(np.unique(place.scans.scan))
+    assert set(summary["seconds"]) == {"read", "label points", "complete grids", "ask each cell", "write"}
+
+
+def test_the_summary_counts_the_cells(mapped):
+    """Against the cells read back: before and after differ by what was filled in, and all three kinds fill the box."""
+    output, place, _ = mapped
+    summary, cells = json.loads((output / "summary.json").read_text()), read_grid(output / "map.npz")
+    shape = np.ptp(cells.index, axis=0) + 1
+    np.testing.assert_allclose(np.subtract(*(summary["extent_m"][end] for end in ("high", "low"))), shape * cells.resolution_m)
+    before, after, filled = (summary["cells"][name] for name in ("before", "after", "filled"))
+    assert after["occupied"] == np.count_nonzero(cells.probability > 0.6)
+    assert before["free"] == np.count_nonzero(cells.observed & (cells.probability <= np.float32(0.4 + 1e-6)))
+    assert before["occupied"] + filled["occupied"] == after["occupied"] and before["free"] + filled["free"] == after["free"]
+    assert sum(before.values()) == sum(after.values()) == np.prod(shape)
+    assert filled["occupied"] + filled["free"] > 0
+
+
+def test_the_saved_map_answers_as_the_mapper_does(mapped):
+    output, place, words = mapped
+    loaded = hilbertvae.load_map(output / "map.safetensors")
+    cloud = hilbertvae.cloud_from_scans(place.scans.points, place.scans.origins)
+    mapper = hilbertvae.load_mapper(words[2].removeprefix("weights=")).fit(cloud.points, cloud.occupied, cloud.weight)
+    queries = np.random.default_rng(0).uniform(cloud.points.min(axis=0) - 1, cloud.points.max(axis=0) + 1, (500, place.dimension))
+    np.testing.assert_allclose(loaded.predict_proba(queries), mapper.predict_proba(queries), atol=1e-6)
+
+
+def test_other_tools_read_the_same_map(mapped):
+    """Occupied places of the NPZ are occupied for OctoMap's own reader, for map_server's rules, and among the points."""
+    output, place, _ = mapped
+    cells = read_grid(output / "map.npz")
+    rng = np.random.default_rng(0)
+    chosen = rng.choice(np.flatnonzero(cells.probability > 0.61), 50)
+    tree = octomap.OcTree(cells.resolution_m)
+    assert tree.readBinary(os.fsencode(output / "map.bt"))
+    places = np.zeros((50, 3))
+    places[:, : place.dimension] = cells.centres[chosen]
+    places[:, place.dimension :] = cells.resolution_m / 2
+    assert all(tree.isNodeOccupied(tree.search(spot)) for spot in places)
+    points = trimesh.load(output / "points.ply").vertices
+    assert len(points) == np.count_nonzero(cells.probability > 0.6)
+    if place.dimension == 2:
+        about = yaml.safe_load((output / "map.yaml").read_text())
+        image = np.asarray(Image.open(output / about["image"]))
+        column, row = np.floor((cells.centres[chosen] - about["origin"][:2]) / about["resolution"]).astype(int).T
+        assert (image[len(image) - 1 - row, column] == 0).all()
+
+
+def test_query_answers_as_the_map_does(mapped, tmp_path, capsys):
+    output, place, _ = mapped
+    loaded = hilbertvae.load_map(output / "map.safetensors")
+    queries = np.random.default_rng(0).uniform(0, 2, (40, place.dimension))
+    np.savetxt(tmp_path / "asked.txt", queries)
+    capsys.readouterr()
+    assert query_command.main([f"map={output}", f"points={tmp_path / 'asked.txt'}"]) == 0
+    head, *lines = capsys.readouterr().out.splitlines()
+    assert head == ",".join([*"xyz"[: place.dimension], "probability", "std", "observed"])
+    found = np.array([[float(word) for word in line.split(",")] for line in lines])
+    expected = np.column_stack([loaded.predict_map(queries), loaded.predict_std(queries), loaded.observed(queries)])
+    np.testing.assert_allclose(found[:, place.dimension :], expected, atol=6e-5)
+    assert query_command.main([f"map={output}", f"points={tmp_path / 'asked.txt'}", f"output={tmp_path / 'said.npz'}"]) == 0
+    with np.load(tmp_path / "said.npz") as said:
+        np.testing.assert_array_equal(said["probability"], expected[:, 0])
+        np.testing.assert_array_equal(said["points"], np.loadtxt(tmp_path / "asked.txt"))
+
+
+def test_without_filling_nothing_is_predicted(room, tmp_path):
+    scans = npz_of(room, tmp_path / "room.npz")
+    output = make_map(MapSettings(scans=str(scans), output=str(tmp_path / "out"), fill=False, exports=["npz"]))
+    cells = read_grid(output / "map.npz")
+    assert cells.observed.all()
+    filled = json.loads((output / "summary.json").read_text())["cells"]["filled"]
+    assert set(filled.values()) == {0}
+
+
+def test_a_map_is_filled_from_a_map(mapped, tmp_path):
+    """What `map_observed` has is taken as what was observed, and comes out as it was."""
+    output, place, words = mapped
+    given = output / ("map_observed.yaml" if place.dimension == 2 else "map_observed.bt")
+    again = make_map(MapSettings(scans=str(given), output=str(tmp_path), weights=words[2].removeprefix("weights="), exports=["npz"]))
+    before, after = read_grid(output / "map.npz"), read_grid(again / "map.npz")
+    before = before.select(before.observed)
+    seen = dict(zip(map(tuple, before.index), before.occupied, strict=True))
+    agree = [hit == seen[index] for index, hit in zip(map(tuple, after.index), after.occupied, strict=True) if index in seen]
+    assert np.mean(agree) > 0.97 and len(agree) > 0.9 * len(seen)
+
+
+def test_a_coarser_map_keeps_its_walls(room, tmp_path):
+    scans = npz_of(room, tmp_path / "room.npz")
+    maps = {}
+    for resolution_m in (None, 0.3):
+        settings = MapSettings(scans=str(scans), output=str(tmp_path / str(resolution_m)), fill=False, exports=["npz"])
+        settings.resolution_m = resolution_m
+        maps[resolution_m] = read_grid(make_map(settings) / "map.npz")
+    assert maps[0.3].resolution_m == 0.3
+    fine, coarse = maps[None], dict(zip(map(tuple, maps[0.3].index), maps[0.3].occupied, strict=True))
+    assert all(coarse[tuple(np.floor(spot / 0.3).astype(int))] for spot in fine.centres[fine.occupied])
+
+
+def test_a_log_needs_nothing_but_its_path(tmp_path, monkeypatch):
+    """The shipped network, chosen by the dimension; output below outputs/maps."""
+    monkeypatch.chdir(tmp_path)
+    write_log(tmp_path / "drive.log", [carmen_line(np.full(180, 3.0), (x, 0, 0)) for x in (0.0, 0.5)])
+    assert map_command.main(["scans=drive.log", "exports=[ros]"]) == 0
+    assert (tmp_path / "outputs/maps/drive.log/map.pgm").exists()
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        ([], "scans: expected a file or a folder"),
+        (["scans=nowhere.log"], "nowhere.log"),
+        (["scans=room.npz", "resolution_m=-1"], "resolution_m: expected a positive number"),
+        (["scans=room.npz", "resolution_m=wide"], "resolution_m: expected float"),
+        (["scans=room.npz", "exports=[ros,png]"], "exports: expected some of"),
+        (["scans=room.npz", "exports=[mesh]"], "mesh is for 3D maps, got a 2D one"),
+        (["scans=room.npz", "typo=1"], "typo: unknown key; expected one of"),
+        (["scans=room.npz", "scans=room.npz"], "scans: given more than once"),
+        (["room.npz"], "expected key=value"),
+        (["scans=room.npz", "weights=nobody.safetensors"], "nobody.safetensors"),
+        (["scans=room.npz", "weights=3d"], "3D"),
+        (["scans=room.npz", "max_range_m=0.01"], "room.npz"),
+        (["scans=broken.npz"], "broken.npz"),
+    ],
+)
+def test_what_is_wrong_is_said_and_leaves_nothing(words, said, room, tmp_path, monkeypatch, capsys):
+    npz_of(room, tmp_path / "room.npz")
+    (tmp_path / "broken.npz").write_bytes((tmp_path / "room.npz").read_bytes()[:300])
+    monkeypatch.chdir(tmp_path)
+    assert map_command.main([*words, "output=out"]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_can_not_be_written(room, tmp_path, capsys):
+    """A file in the place of the folder; permissions mean nothing to root."""
+    npz_of(room, tmp_path / "room.npz")
+    (tmp_path / "out").write_text("mine")
+    assert map_command.main([f"scans={tmp_path / 'room.npz'}", f"output={tmp_path / 'out'}"]) == 2
+    assert "out" in capsys.readouterr().err and (tmp_path / "out").read_text() == "mine"
+
+
+def test_a_full_disk_leaves_what_was_there(room, tmp_path, monkeypatch, capsys):
+    scans, out = npz_of(room, tmp_path / "room.npz"), tmp_path / "out"
+    out.mkdir()
+    (out / "map.npz").write_text("the map of yesterday")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("hilbertvae.mapping.write_picture", full)
+    assert map_command.main([f"scans={scans}", f"output={out}", "fill=off"]) == 2
+    assert "No space left on device" in capsys.readouterr().err
+    assert [path.name for path in out.iterdir()] == ["map.npz"] and (out / "map.npz").read_text() == "the map of yesterday"
+
+
+def test_help_names_every_key(capsys):
+    assert map_command.main(["--help"]) == 0
+    said = capsys.readouterr().out
+    for key, text in {"fill=on": "observed map alone", "poses=null": "kiss_icp", "max_range_m=null": "Metres"}.items():
+        assert key in said and text in said
+
+
+def test_as_a_command_of_its_own(room, tmp_path):
+    """Exit codes and streams of a process: bad input is 2, with one line and no traceback."""
+    done = subprocess.run([sys.executable, "-m", "hilbertvae.commands.map", "scans=nowhere"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 2 and done.stdout == "" and done.stderr.count("\n") == 1 and "nowhere" in done.stderr

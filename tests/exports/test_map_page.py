@@ -1,0 +1,108 @@
+import base64
+import io
+import json
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from hilbertvae.checks import InputError
+from hilbertvae.exports.map_cells import MapCells
+from hilbertvae.exports.page import write_page
+
+TABLES = {"Cells": [["", "before"], ["occupied <b>", "12"]]}
+
+
+def some_cells(dimension, count=400, seed=0):
+    """A block of known cells far from the origin, some occupied, some predicted."""
+    rng = np.random.default_rng(seed)
+    index = np.unique(rng.integers(-12, 12, (count, dimension)), axis=0) + np.array([50_000, -70_000, 30])[:dimension]
+    n = len(index)
+    return MapCells(index, 0.1, rng.random(n).astype(np.float32), (rng.random(n) / 2).astype(np.float32), rng.random(n) < 0.5)
+
+
+def data_of(path):
+    return json.loads(re.search(r'<script id="data" type="application/json">(.*?)</script>', path.read_text(), re.S)[1])
+
+
+def pixels(url):
+    return np.asarray(Image.open(io.BytesIO(base64.b64decode(url.removeprefix("data:image/png;base64,")))))
+
+
+def test_pictures_of_a_flat_map_show_each_cell_in_its_place(tmp_path):
+    cells = some_cells(2)
+    found = data_of(write_page(cells, tmp_path / "map.html", "a map", TABLES))
+    observed, probability = pixels(found["observed"]), pixels(found["modes"][0]["image"])
+    low, high = cells.index.min(axis=0), cells.index.max(axis=0)
+    assert observed.shape[:2] == tuple((high - low + 1)[::-1])
+    shown = np.zeros(observed.shape[:2], bool)
+    for (x, y), seen, p in zip(cells.index, cells.observed, cells.probability, strict=True):
+        row, column = high[1] - y, x - low[0]  # the picture's first row is the map's last
+        shown[row, column] = True
+        assert (observed[row, column, 3] == 255) == seen
+        assert (probability[row, column, 0] < probability[row, column, 2]) == (p < 0.4) or 0.3 < p < 0.6  # bluish where free
+    assert (probability[~shown, 3] == 0).all()
+
+
+def test_voxels_of_a_solid_map_come_back(tmp_path):
+    cells = some_cells(3, 3000)
+    found = data_of(write_page(cells, tmp_path / "map.html", "a map", TABLES))
+    occupied = cells.select(cells.occupied)
+    place = np.frombuffer(base64.b64decode(found["cells"]), "<u2").reshape(-1, 3)
+    value = np.frombuffer(base64.b64decode(found["values"]), np.uint8).reshape(-1, 4)
+    np.testing.assert_array_equal(place + occupied.index.min(axis=0), occupied.index)
+    np.testing.assert_array_equal(value[:, 3] == 255, occupied.observed)
+    np.testing.assert_allclose(value[:, 1] / 255, (occupied.probability - 0.6) / 0.4, atol=0.003)
+    np.testing.assert_allclose(value[:, 2] / 255, np.clip(occupied.std / 0.5, 0, 1), atol=0.003)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_nothing_is_fetched_and_nothing_is_markup_that_should_not_be(dimension, tmp_path):
+    text = write_page(some_cells(dimension), tmp_path / "map.html", "</script><b>drive", TABLES).read_text()
+    assert not re.search(r"""(src|href)\s*=\s*["']|https?://|@import|url\(""", text)
+    assert "&lt;/script&gt;&lt;b&gt;drive" in text and "occupied &lt;b&gt;" in text
+    assert text.count("</script>") == 2
+
+
+def test_too_many_voxels_are_joined_and_none_is_lost(tmp_path, monkeypatch):
+    monkeypatch.setattr("hilbertvae.exports.page.MOST_CELLS", 300)
+    cells = some_cells(3, 3000)
+    found = data_of(write_page(cells, tmp_path / "map.html", "a map", TABLES))
+    factor = round(found["resolution_m"] / 0.1)
+    place = np.frombuffer(base64.b64decode(found["cells"]), "<u2").reshape(-1, 3)
+    assert factor in (2, 4, 8) and len(place) <= 300
+    assert len(place) == len(np.unique(cells.index[cells.occupied] // factor, axis=0))
+
+
+def test_an_empty_map_is_refused(tmp_path):
+    with pytest.raises(InputError, match="map.html: expected a map with known cells"):
+        write_page(some_cells(2).select(np.zeros(0, int)), tmp_path / "map.html", "a map", TABLES)
+    assert not list(tmp_path.iterdir())
+
+
+def browser():
+    return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+@pytest.mark.skipif(browser() is None, reason="no Chromium here")
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_browser_draws_it(dimension, tmp_path):
+    """Before on the left, after on the right: the right half has more of the map, and the page reports no fault."""
+    side = np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    index = side if dimension == 2 else np.column_stack([side, np.zeros(len(side), int)])
+    dark = np.full(len(index), 0.99, np.float32)
+    cells = MapCells(index, 0.1, dark, np.zeros(len(index), np.float32), np.arange(len(index)) % 7 == 0)
+    page = write_page(cells, tmp_path / "map.html", "a map", TABLES)
+    options = ["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--window-size=900,900"]
+    options += ["--virtual-time-budget=8000", f"--user-data-dir={tmp_path / 'profile'}"]
+    shot = tmp_path / "shot.png"
+    for what in (f"--screenshot={shot}", "--dump-dom"):
+        told = subprocess.run([browser(), *options, what, page.as_uri()], capture_output=True, timeout=120, check=True).stdout.decode()
+    assert f'data-ready="{dimension}"' in told and '<p id="fault"></p>' in told
+    image = np.asarray(Image.open(shot).convert("L")).astype(int)[60:640]
+    drawn = image < (120 if dimension == 2 else 215)  # the ground's colour is light; the background is 236
+    left, right = np.count_nonzero(drawn[:, :440]), np.count_nonzero(drawn[:, 460:])
+    assert right > 1.5 * left > 0  # a seventh of the cells was observed; seen from the side they hide gaps between them
