@@ -56,10 +56,10 @@ def test_single_files(tmp_path):
 
 
 def test_unknown_and_missing_paths(tmp_path):
-    (tmp_path / "a.e57").write_bytes(b"?")
-    with pytest.raises(InputError, match=r"a.e57: unknown extension '.e57'; known are .log .log.gz .bin .csv .* and folders"):
-        read_scans_path(tmp_path / "a.e57")
-    for name in ("nowhere", "nowhere.e57", "nowhere.ply", "nowhere.log"):
+    (tmp_path / "a.abc").write_bytes(b"?")
+    with pytest.raises(InputError, match=r"a.abc: unknown extension '.abc'; known are .log .log.gz .bin .csv .* and folders"):
+        read_scans_path(tmp_path / "a.abc")
+    for name in ("nowhere", "nowhere.abc", "nowhere.ply", "nowhere.log"):
         with pytest.raises(InputError, match=f"{name}: no such file"):
             read_scans_path(tmp_path / name)
 

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range
 from hilbertvae.scans.beam_origins import find_beam_origins
-from hilbertvae.scans.file_points import check_reading, reading, within_range
+from hilbertvae.scans.file_points import check_reading, reading
 from hilbertvae.scans.point_files import READERS, read_points
 from hilbertvae.scans.poses import lidar_poses, read_poses
 from hilbertvae.scans.scan import Scans
@@ -72,17 +73,21 @@ def read_posed_scans(
         poses = lidar_poses(poses, lidar_to_camera)
     if len(poses) != len(files):
         raise InputError(f"{poses_path}: expected a pose for each scan, got {len(poses)} poses for {len(files)} scans ({files[0].parent})")
+    unit = UnitCheck()
     points, origins, scan, beam = [], [], [], []
     for number, (path, pose) in enumerate(zip(files[::every], poses[::every], strict=True)):
         found = read_points(path)
         if found.points.shape[1] != 3 or (found.scan is not None and len(np.unique(found.scan)) > 1):
             raise InputError(f"{path}: expected one scan of 3D points, since a folder has one 3D pose for each file")
         start = beam_origins(found.points) if found.origins is None else np.broadcast_to(found.origins, found.points.shape)
-        chosen = np.flatnonzero(within_range(found.points, start, min_range_m, max_range_m))
+        lengths = beam_lengths(found.points, start)
+        unit.see(lengths)
+        chosen = np.flatnonzero(within_range(lengths, min_range_m, max_range_m))
         points.append(found.points[chosen] @ pose[:, :3].T + pose[:, 3])
         origins.append(start[chosen] @ pose[:, :3].T + pose[:, 3])
         scan.append(np.full(len(chosen), number, np.int32))
         beam.append(chosen.astype(np.int32))
+    unit.warn(files[0].parent)
     if not sum(map(len, points)):
         raise InputError(f"{files[0].parent}: expected beams of {min_range_m} to {max_range_m} m, found none in {len(points)} scans")
     return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam))
