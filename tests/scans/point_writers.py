@@ -42,6 +42,20 @@ def write_las(path, points=POINTS, scale=0.001, point_format=3, version="1.2"):
     return path
 
 
+def write_e57(path, *scans, invalid=None):
+    """Scans are points, rotation (w x y z) and translation each; plain points make one scan, which has no pose."""
+    import pye57
+
+    with pye57.E57(str(path), "w") as file:
+        for points, rotation, translation in scans or [(POINTS, None, None)]:
+            marked = np.isnan(points).any(axis=1) if invalid is None else invalid
+            data = {f"cartesian{axis}": column for axis, column in zip("XYZ", np.nan_to_num(points).T.copy(), strict=True)}
+            data |= {"cartesianInvalidState": marked.astype(np.int8)} if marked.any() else {}
+            rotation = None if rotation is None else np.array(rotation)
+            file.write_scan_raw(data, rotation=rotation, translation=None if translation is None else np.array(translation))
+    return path
+
+
 def write_npz(path, points=POINTS, **others):
     np.savez_compressed(path, points=points, **others)
     return path
@@ -68,6 +82,7 @@ WRITERS = {
     "new.las": lambda path, points=POINTS: write_las(path, points, point_format=7, version="1.4"),
     "a.laz": write_las,
     "new.laz": lambda path, points=POINTS: write_las(path, points, point_format=7, version="1.4"),
+    "a.e57": lambda path, points=POINTS: write_e57(path, (points, None, None)),
     "a.npz": write_npz,
     "a.xyz": write_text,
     "a.txt": lambda path, points=POINTS: write_text(path, points, delimiter="\t"),

@@ -56,15 +56,32 @@ def test_single_files(tmp_path):
 
 
 def test_unknown_and_missing_paths(tmp_path):
-    (tmp_path / "a.e57").write_bytes(b"?")
-    with pytest.raises(InputError, match=r"a.e57: unknown extension '.e57'; known are .log .log.gz .bin .csv .* and folders"):
-        read_scans_path(tmp_path / "a.e57")
-    for name in ("nowhere", "nowhere.e57", "nowhere.ply", "nowhere.log"):
+    (tmp_path / "a.abc").write_bytes(b"?")
+    with pytest.raises(InputError, match=r"a.abc: unknown extension '.abc'; known are .log .log.gz .bag .mcap .* and folders"):
+        read_scans_path(tmp_path / "a.abc")
+    for name in ("nowhere", "nowhere.abc", "nowhere.ply", "nowhere.log"):
         with pytest.raises(InputError, match=f"{name}: no such file"):
             read_scans_path(tmp_path / name)
 
 
+@pytest.mark.parametrize("setting", [{"topic": "/scan"}, {"fixed_frame": "map"}, {"poses": "kiss_icp"}])
+def test_settings_of_other_formats_are_refused(tmp_path, setting):
+    log = write_log(tmp_path / "a.log", [carmen_line(np.full(180, 5.0), [0, 0, 0])])
+    folder = write_drive(tmp_path / "drive", POINTS.reshape(3, 20, 3), random_poses(3))
+    for path in (log, write_npz(tmp_path / "a.npz"), *([] if "poses" in setting else [folder])):
+        with pytest.raises(InputError, match=f"reading.{next(iter(setting))}: .*{path.name} is a .*, where this has no meaning"):
+            read_scans_path(path, ReadingSettings(**setting))
+
+
+def test_a_folder_of_bags(tmp_path):
+    for name in ("b.bag", "a.mcap"):
+        (tmp_path / name).write_bytes(b"")
+    with pytest.raises(InputError, match="expected scans, or a ROS 2 bag with metadata.yaml; found bags .* one by one: a.mcap, b.bag"):
+        read_scans_path(tmp_path)
+
+
 def test_what_is_a_path_and_what_a_name():
-    paths = ["a.log", "a.LOG.gz", "street.ply", "a/b", "./intel", "/data/drive", "drive/", ".", "..", "x.LAZ", "000000.bin"]
+    paths = ["a.bag", "a.MCAP", "a.db3", "a.e57"]
+    paths += ["a.log", "a.LOG.gz", "street.ply", "a/b", "./intel", "/data/drive", "drive/", ".", "..", "x.LAZ", "000000.bin"]
     assert all(map(is_scan_path, paths))
     assert not any(map(is_scan_path, [*CATALOGUE, "simulated:0", "kitti_drive0005", "", "log", "ply"]))

@@ -11,7 +11,8 @@ from hilbertvae.checks import InputError
 from hilbertvae.scans.point_files import READERS, read_point_file, read_points
 
 NAMES = pytest.mark.parametrize("name", WRITERS)
-PACKED_LAZ = {"a.laz", "new.laz"}
+APART = {"a.laz", "new.laz", "a.e57"}
+"""Read in a process of their own."""
 
 
 @NAMES
@@ -66,6 +67,8 @@ def test_nan_rows_are_beams_without_a_return(tmp_path, name):
     points[[0, 5, 17]] = np.nan
     scans = read_point_file(WRITERS[name](tmp_path / name, points), sensor_origin_m=[0, 0, 0])
     assert set(range(len(points))) - set(scans.beam.tolist()) == {0, 5, 17}
+    if name == "a.e57":
+        return  # its writer refuses a scan without a return
     with pytest.raises(InputError, match=f"{name}: expected returns, found 60 points and all of them NaN"):
         read_points(WRITERS[name](tmp_path / name, np.full_like(POINTS, np.nan)))
 
@@ -112,7 +115,7 @@ def read_or_refuse(path):
         assert str(path) in str(error)
 
 
-@pytest.mark.parametrize("name", sorted(WRITERS.keys() - PACKED_LAZ))
+@pytest.mark.parametrize("name", sorted(WRITERS.keys() - APART))
 @settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.differing_executors])
 @given(changes=mutations, cut=st.just(1.0) | st.floats(0, 1), headed=st.booleans())
 def test_changed_bytes_raise_nothing_but_input_errors(tmp_path_factory, name, changes, cut, headed):
@@ -122,10 +125,10 @@ def test_changed_bytes_raise_nothing_but_input_errors(tmp_path_factory, name, ch
 
 
 # Fewer: each sound header starts a process.
-@pytest.mark.parametrize("name", sorted(PACKED_LAZ))
+@pytest.mark.parametrize("name", sorted(APART))
 @settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.differing_executors])
 @given(changes=mutations, cut=st.just(1.0) | st.floats(0, 1), headed=st.booleans())
-def test_changed_bytes_of_a_laz_end_no_interpreter(tmp_path_factory, name, changes, cut, headed):
+def test_changed_bytes_end_no_interpreter(tmp_path_factory, name, changes, cut, headed):
     path = tmp_path_factory.getbasetemp() / f"changed-{name}"
     path.write_bytes(mutated(WRITERS[name](path).read_bytes(), changes, cut, headed))
     read_or_refuse(path)
@@ -177,7 +180,8 @@ def test_a_file_of_several_scans_is_put_in_their_order(tmp_path):
 
 
 def test_nothing_within_range_names_a_beam(tmp_path):
-    with pytest.raises(InputError, match=r"beams of 0.0 to 80.0 m, found none among 60; the first starts at \[1000000.0, 0.0, 0.0\]"):
+    expected = r"beams of 0.0 to 80.0 m, found none among 60; the first starts at \[1000000.0, 0.0, 0.0\]"
+    with pytest.warns(UserWarning, match="the sensor's origin in another frame"), pytest.raises(InputError, match=expected):
         read_point_file(write_text(tmp_path / "a.xyz"), sensor_origin_m=[1e6, 0, 0])
 
 
@@ -188,5 +192,5 @@ def test_bad_options_are_named(tmp_path, options):
 
 
 def test_an_unknown_extension(tmp_path):
-    with pytest.raises(InputError, match=r"a.e57: unknown extension '.e57'; known are .bin .csv"):
-        read_points(tmp_path / "a.e57")
+    with pytest.raises(InputError, match=r"a.abc: unknown extension '.abc'; known are .bin .csv"):
+        read_points(tmp_path / "a.abc")

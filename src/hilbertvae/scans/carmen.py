@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError, check_positive
+from hilbertvae.scans.beam_lengths import UnitCheck
 from hilbertvae.scans.scan import Scans
 
 MAX_BEAMS = 4096
@@ -39,6 +40,7 @@ def read_carmen(
         raise InputError(f"every: expected at least 1, got {every}")
     points, origins, scan, beam = [], [], [], []
     kept = seen = 0
+    unit = UnitCheck()
     for number, line in _lines(path):
         if not line.startswith(b"FLASER "):
             continue
@@ -47,6 +49,7 @@ def read_carmen(
             continue
         ranges, (x, y, heading) = _parse(path, number, line)
         step = beam_step_deg(len(ranges)) if step_deg is None else step_deg
+        unit.see(ranges)
         chosen = np.flatnonzero((ranges > MIN_RANGE_M) & (ranges < max_range_m))
         angle = heading + np.deg2rad(first_beam_deg + chosen * step)
         end = np.column_stack([x + ranges[chosen] * np.cos(angle), y + ranges[chosen] * np.sin(angle)])
@@ -57,6 +60,7 @@ def read_carmen(
         kept += 1
     if not seen:
         raise InputError(f"{path}: expected a CARMEN log with FLASER lines, found none")
+    unit.warn(path)
     if not sum(map(len, points)):
         raise InputError(f"{path}: expected ranges below {max_range_m} m, found none in {seen} scans")
     return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam))

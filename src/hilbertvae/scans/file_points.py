@@ -47,6 +47,15 @@ def reading(path: Path, kind: str) -> Iterator[None]:
         raise InputError(f"{path}: can't be read as {kind} ({type(error).__name__}: {' '.join(str(error).split())[:200]})") from error
 
 
+@contextmanager
+def named(where: str | Path) -> Iterator[None]:
+    """Puts `where` ahead of an `InputError` of the block that does not know it."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
 def check_fits(path: Path, what: str, needed: int, there: int) -> None:
     """An `InputError` where `what` needs more bytes than are there, before memory is taken for it."""
     if needed > there:
@@ -59,13 +68,6 @@ def check_expansion(path: Path, what: str, unpacked: int, packed: int) -> None:
         raise InputError(f"{path}: truncated or forged; {what} claim to unpack from {packed} to {unpacked} bytes")
 
 
-def within_range(points: np.ndarray, origins: np.ndarray, min_range_m: float, max_range_m: float) -> np.ndarray:
-    """(N,) bool: beams longer than `min_range_m` and shorter than `max_range_m`; those without a return (NaN, inf) are not."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        length = np.sqrt(np.square(points - origins).sum(axis=1))
-        return (length > min_range_m) & (length < max_range_m)
-
-
 def check_reading(min_range_m: float, max_range_m: float, every: int) -> None:
     """An `InputError` unless 0 <= min_range_m < max_range_m and `every` is a whole number from 1."""
     if not 0 <= min_range_m < max_range_m:
@@ -74,10 +76,10 @@ def check_reading(min_range_m: float, max_range_m: float, every: int) -> None:
         raise InputError(f"reading.every: expected a whole number from 1, got {every}")
 
 
-def points_extra(module: str) -> ModuleType:
-    """A module of the extra `points`; an `InputError` that names the extra where it is not installed."""
+def extra_module(extra: str, module: str) -> ModuleType:
+    """A module of an extra of the package; an `InputError` that names the extra where it is not installed."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
         name = error.name or module
-        raise InputError(f"this format needs the extra 'points', and {name} is not installed: pip install hilbertvae[points]") from error
+        raise InputError(f"this needs the extra '{extra}', and {name} is not installed: pip install hilbertvae[{extra}]") from error

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.bags import BAG_FILES, METADATA, is_bag, read_bag
 from hilbertvae.scans.carmen import read_carmen
 from hilbertvae.scans.file_points import check_reading
 from hilbertvae.scans.kitti import is_kitti, read_kitti
@@ -17,6 +18,7 @@ from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_folder import read_scan_folder
 
 CARMEN = (".log", ".log.gz")
+EXTENSIONS = (*CARMEN, *BAG_FILES, *READERS)
 
 
 @dataclass
@@ -32,7 +34,14 @@ class ReadingSettings:
     sensor_origin_m: list[float] | None = None
     """Metres, file frame. Where the beams of a single point file started, if it does not say: [0, 0, 0] in a sensor's own frame."""
     beam_origin: str = "centre"
-    """Where a scan's beams start, for a folder of scans: `centre`, `hdl64`, or three numbers in metres, sensor frame, as '0, 0, 0.2'."""
+    """Where a scan's beams start, for a folder of scans and a bag's clouds: `centre`, `hdl64`, or three numbers in metres, sensor frame, as
+    '0, 0, 0.2'."""
+    poses: str | None = None
+    """`kiss_icp` finds the poses of 3D scans in the order of travel, in a folder or a bag, from the scans alone (extra `poses`)."""
+    topic: str | None = None
+    """Of a bag: the topic of its scans. By default the one with most messages."""
+    fixed_frame: str | None = None
+    """Of a bag: the frame of the map. By default `map` if its transforms have one, else `odom`, else that of its odometry."""
 
 
 def is_scan_path(reference: str) -> bool:
@@ -41,30 +50,37 @@ def is_scan_path(reference: str) -> bool:
     The disk is not asked, so a reference means the same wherever it is used; a folder beside is `./name`.
     """
     separators = [mark for mark in (os.sep, os.altsep) if mark]
-    return reference in (".", "..") or any(mark in reference for mark in separators) or reference.lower().endswith((*READERS, *CARMEN))
+    is_file = reference.lower().endswith(EXTENSIONS)
+    return reference in (".", "..") or is_file or any(mark in reference for mark in separators)
 
 
 def read_scans_path(path: str | os.PathLike, reading: ReadingSettings | None = None) -> Scans:
-    """The scans at a path: a CARMEN log, a folder of scans with poses (KITTI's layout among them), or a single point file.
+    """The scans at a path: a CARMEN log, a ROS bag, a folder of scans (KITTI's layout among them), or a single point file.
 
-    Raises `InputError` for a path that is not there, an unknown extension, a setting that does not go with the format, and files that
-    can't be read.
+    Coordinates that can't be metres give a `UserWarning`, and so do poses that are doubtful. Raises `InputError` for a path that is not
+    there, an unknown extension, a setting that does not go with the format, and files that can't be read.
     """
     path, reading = Path(path), reading or ReadingSettings()
     ranges = {key: value for key in ("max_range_m", "min_range_m") if (value := getattr(reading, key)) is not None}
+    of_bags = ("topic", "fixed_frame")
     if path.name.lower().endswith(CARMEN):
-        _refuse(path, "a CARMEN log", reading, "sensor_origin_m", "beam_origin")
+        _refuse(path, "a CARMEN log", reading, "sensor_origin_m", "beam_origin", "poses", *of_bags)
         return _carmen(path, reading.every, **ranges)
+    if is_bag(path):
+        _refuse(path, "a ROS bag", reading, "sensor_origin_m")
+        return read_bag(path, reading.topic, reading.fixed_frame, reading.beam_origin, every=reading.every, poses=reading.poses, **ranges)
     if path.is_dir():
-        _refuse(path, "a folder of scans", reading, "sensor_origin_m")
+        _refuse(path, "a folder of scans", reading, "sensor_origin_m", *of_bags)
+        if bags := sorted(each.name for each in path.iterdir() if each.suffix.lower() in BAG_FILES):
+            raise InputError(f"{path}: expected scans, or a ROS 2 bag with {METADATA}; found bags to be read one by one: {', '.join(bags)}")
         read = read_kitti if is_kitti(path) else read_scan_folder
-        return read(path, beam_origin=reading.beam_origin, every=reading.every, **ranges)
+        return read(path, beam_origin=reading.beam_origin, every=reading.every, poses=reading.poses, **ranges)
     if path.suffix.lower() in READERS:
-        _refuse(path, "a single point file", reading, "beam_origin")
+        _refuse(path, "a single point file", reading, "beam_origin", "poses", *of_bags)
         return read_point_file(path, reading.sensor_origin_m, every=reading.every, **ranges)
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
-    raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {' '.join((*CARMEN, *READERS))}, and folders of scans")
+    raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {' '.join(EXTENSIONS)}, and folders of scans")
 
 
 def _carmen(path: Path, every: int, max_range_m: float | None = None, min_range_m: float = 0.0) -> Scans:

@@ -26,6 +26,7 @@ def read_kitti(
     max_range_m: float = 80.0,
     min_range_m: float = 2.5,
     every: int = 1,
+    poses: str | None = None,
 ) -> Scans:
     """The scans of a drive, as `read_scan_folder` reads them; `beam_origin='hdl64'` is KITTI's own sensor.
 
@@ -40,4 +41,4 @@ def read_kitti(
     if files[0].suffix.lower() != ".bin":
         raise InputError(f"{folder / VELODYNE}: expected .bin scans, found {files[0].suffix}")
     calibration = read_calibration(folder / CALIBRATION) if (folder / CALIBRATION).is_file() else None
-    return read_posed_scans(files, folder / POSES, beam_origin, max_range_m, min_range_m, every, calibration)
+    return read_posed_scans(files, folder / POSES, beam_origin, max_range_m, min_range_m, every, poses, calibration)

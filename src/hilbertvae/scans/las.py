@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import os
 import struct
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, points_extra, reading
+from hilbertvae.scans.apart import read_apart
+from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, extra_module, reading
 
 HEADER_BYTES = 375
 RECORD_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
 """The shortest record of each point format."""
 LAZ_TIMEOUT_S = 60.0
 """What unpacking may take beyond a second per megabyte, at which even a slow machine has long finished."""
+COPIES = 6
+"""How often the records and what is made of them may be in memory at once."""
 
 
 @dataclass(frozen=True)
@@ -78,28 +79,16 @@ def _header(path: Path, file) -> _Header:
 
 def _unpacked_apart(path: Path, file, header: _Header) -> np.ndarray:
     """(N, 3) int32, counts of scale, of a LAZ file whose claims are sound enough to try."""
-    points_extra("laspy"), points_extra("lazrs")
+    extra_module("points", "laspy"), extra_module("points", "lazrs")
     unpacked = header.count * header.record_bytes
     check_expansion(path, "the header's points", unpacked, header.size - header.start)
     if not header.count:
         return np.empty((0, 3), np.int32)
     _check_chunks(path, file, header)
-    command = [sys.executable, "-P", str(Path(__file__).with_name("laz_process.py")), str(path), str(unpacked)]
-    try:
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            stdin=subprocess.DEVNULL,
-            timeout=LAZ_TIMEOUT_S + unpacked / 1e6,
-            # BLAS would set aside memory for each of its threads.
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "RUST_BACKTRACE": "0"},
-        )
-    except subprocess.TimeoutExpired as error:
-        raise InputError(f"{path}: damaged LAZ file; unpacking it did not end within {error.timeout:.0f} s") from error
-    if done.returncode or len(done.stdout) != 12 * header.count:
-        last = done.stderr.decode("latin1").strip().splitlines()[-1:]
-        raise InputError(f"{path}: damaged LAZ file, can't be unpacked ({' '.join(last)[:200] or f'exit status {done.returncode}'})")
-    return np.frombuffer(done.stdout, np.int32).reshape(3, -1).T
+    found = read_apart(path, "LAZ file", "laz_process.py", COPIES * unpacked, LAZ_TIMEOUT_S + unpacked / 1e6)
+    if len(found) != 12 * header.count:
+        raise InputError(f"{path}: damaged LAZ file, can't be unpacked ({header.count} points declared, {len(found)} bytes came out)")
+    return np.frombuffer(found, np.int32).reshape(3, -1).T
 
 
 def _check_chunks(path: Path, file, header: _Header) -> None:

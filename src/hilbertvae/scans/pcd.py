@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, points_extra, reading
+from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, extra_module, reading
 
 MAX_VALUES = 1024
 """Numbers a point may have; pypcd4 makes a name for each before it looks at the data."""
@@ -24,7 +24,7 @@ def read_pcd(path: str | os.PathLike) -> FilePoints:
     range images take it. Its quaternion says where the sensor looked, which rays don't need; the points are not turned by it.
     Raises `InputError` for a file that is missing, foreign, or shorter than its header says.
     """
-    path, pypcd4 = Path(path), points_extra("pypcd4.pypcd4")
+    path, pypcd4 = Path(path), extra_module("points", "pypcd4.pypcd4")
     with reading(path, "a PCD file"):
         with open(path, "rb") as file:
             header = pypcd4.MetaData.parse_header(_header_lines(file))

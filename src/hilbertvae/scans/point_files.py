@@ -1,4 +1,4 @@
-"""Single files of points (PLY, PCD, LAS, LAZ, text, NPZ, KITTI's .bin) as scans."""
+"""Single files of points (PLY, PCD, LAS, LAZ, E57, text, NPZ, KITTI's .bin) as scans."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.file_points import FilePoints, check_reading, within_range
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range
+from hilbertvae.scans.e57 import read_e57
+from hilbertvae.scans.file_points import FilePoints, check_reading
 from hilbertvae.scans.las import read_las
 from hilbertvae.scans.npz import read_npz
 from hilbertvae.scans.pcd import read_pcd
@@ -21,6 +23,7 @@ from hilbertvae.scans.velodyne import read_velodyne
 READERS: dict[str, Callable[[Path], FilePoints]] = {
     ".bin": read_velodyne,
     ".csv": read_point_text,
+    ".e57": read_e57,
     ".las": read_las,
     ".laz": read_las,
     ".npz": read_npz,
@@ -54,7 +57,7 @@ def read_point_file(
     min_range_m: float = 0.0,
     every: int = 1,
 ) -> Scans:
-    """The returns of one file, whose frame is the map frame. One file is one scan unless it has scan numbers (NPZ).
+    """The returns of one file, whose frame is the map frame. One file is one scan unless it says otherwise (NPZ, E57).
 
     The beams start where the file says, else at `sensor_origin_m` (D numbers, metres, file frame), which is (0, 0, 0) for a cloud in
     its sensor's frame. Without either there are no rays, and nothing is made up: that is an `InputError`, as are damaged files.
@@ -65,7 +68,10 @@ def read_point_file(
     found = read_points(path)
     origins = np.broadcast_to(_origin(path, found, sensor_origin_m), found.points.shape)
     order, scan, beam = _sweeps(found)
-    kept = within_range(found.points[order], origins[order], min_range_m, max_range_m) & (scan % every == 0)
+    lengths, unit = beam_lengths(found.points[order], origins[order]), UnitCheck()
+    unit.see(lengths)
+    unit.warn(path)
+    kept = within_range(lengths, min_range_m, max_range_m) & (scan % every == 0)
     if not kept.any():
         raise InputError(
             f"{path}: expected beams of {min_range_m} to {max_range_m} m, found none among {len(found.points)}; "

@@ -10,6 +10,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.file_points import reading
+from hilbertvae.scans.quaternions import rotation_matrices
 
 RIGID = 1e-3
 """How far R R^T may be from 1, and a quaternion's length from 1: files are written with 6 digits and fewer."""
@@ -91,10 +92,4 @@ def _from_quaternion(where: str, values: np.ndarray) -> np.ndarray:
     length = math.hypot(*values[4:])
     if abs(length - 1) > RIGID:
         raise InputError(f"{where}: expected a rigid motion, the quaternion has length {length:.6g}")
-    x, y, z, w = values[4:] / length
-    rotation = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.column_stack([rotation, values[1:4]])
+    return np.column_stack([rotation_matrices(values[4:] / length), values[1:4]])

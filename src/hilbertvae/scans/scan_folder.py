@@ -9,10 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from rich.progress import track
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range
 from hilbertvae.scans.beam_origins import find_beam_origins
-from hilbertvae.scans.file_points import check_reading, reading, within_range
+from hilbertvae.scans.file_points import check_reading, named, reading
+from hilbertvae.scans.odometry import FINDING, KISS_ICP, KissOdometry, check_poses_choice
 from hilbertvae.scans.point_files import READERS, read_points
 from hilbertvae.scans.poses import lidar_poses, read_poses
 from hilbertvae.scans.scan import Scans
@@ -27,16 +30,18 @@ def read_scan_folder(
     max_range_m: float = 80.0,
     min_range_m: float = 0.0,
     every: int = 1,
+    poses: str | None = None,
 ) -> Scans:
     """The scans of a folder, in the order of their names: a number counts as a number, so 2.pcd stands before 10.pcd.
 
     Each file is in its sensor's frame, and the pose of the same place in `poses.txt` (see `read_poses`) takes it to the map frame.
     Beams start where the file says, else where `beam_origin` says: a name of `BEAM_ORIGINS`, or three numbers in metres, sensor frame.
     Ranges as in `read_point_file`; `every` keeps each so many-th scan. Kept scans are numbered from 0, beams by their place in the file.
+    With `poses="kiss_icp"` poses are found by odometry (see `KissOdometry`) and `poses.txt`, if there is one, is not read.
     Raises `InputError` for files of several formats, for another number of poses than of scans, and for files that can't be read.
     """
     folder = Path(folder)
-    return read_posed_scans(scan_files(folder), folder / POSES, beam_origin, max_range_m, min_range_m, every)
+    return read_posed_scans(scan_files(folder), folder / POSES, beam_origin, max_range_m, min_range_m, every, poses)
 
 
 def scan_files(folder: Path) -> list[Path]:
@@ -62,27 +67,49 @@ def read_posed_scans(
     max_range_m: float,
     min_range_m: float,
     every: int,
+    poses: str | None = None,
     lidar_to_camera: np.ndarray | None = None,
 ) -> Scans:
     """The scans of `files`, the k-th under the k-th pose; see `read_scan_folder`. lidar_to_camera: given where poses are a camera's."""
     check_reading(min_range_m, max_range_m, every)
+    check_poses_choice(poses)
     beam_origins = find_beam_origins(beam_origin)
-    poses = read_poses(poses_path)
-    if lidar_to_camera is not None:
-        poses = lidar_poses(poses, lidar_to_camera)
-    if len(poses) != len(files):
-        raise InputError(f"{poses_path}: expected a pose for each scan, got {len(poses)} poses for {len(files)} scans ({files[0].parent})")
+    given = _given_poses(files, poses_path, lidar_to_camera) if poses is None else None
+    odometry, unit = KissOdometry(), UnitCheck()
     points, origins, scan, beam = [], [], [], []
-    for number, (path, pose) in enumerate(zip(files[::every], poses[::every], strict=True)):
-        found = read_points(path)
+    # Odometry goes from scan to scan, so it sees those too that are left out.
+    taken = range(0, len(files), every) if poses is None else track(range(len(files)), FINDING)
+    for index in taken:
+        found = read_points(files[index])
         if found.points.shape[1] != 3 or (found.scan is not None and len(np.unique(found.scan)) > 1):
-            raise InputError(f"{path}: expected one scan of 3D points, since a folder has one 3D pose for each file")
+            raise InputError(f"{files[index]}: expected one scan of 3D points, since a folder has one 3D pose for each file")
         start = beam_origins(found.points) if found.origins is None else np.broadcast_to(found.origins, found.points.shape)
-        chosen = np.flatnonzero(within_range(found.points, start, min_range_m, max_range_m))
+        lengths = beam_lengths(found.points, start)
+        unit.see(lengths)
+        chosen = np.flatnonzero(within_range(lengths, min_range_m, max_range_m))
+        with named(files[index]):
+            pose = odometry.register(found.points[chosen]) if given is None else given[index]
+        if index % every:
+            continue
         points.append(found.points[chosen] @ pose[:, :3].T + pose[:, 3])
         origins.append(start[chosen] @ pose[:, :3].T + pose[:, 3])
-        scan.append(np.full(len(chosen), number, np.int32))
+        scan.append(np.full(len(chosen), index // every, np.int32))
         beam.append(chosen.astype(np.int32))
+    unit.warn(files[0].parent)
+    odometry.warn(files[0].parent)
     if not sum(map(len, points)):
         raise InputError(f"{files[0].parent}: expected beams of {min_range_m} to {max_range_m} m, found none in {len(points)} scans")
     return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam))
+
+
+def _given_poses(files: list[Path], poses_path: Path, lidar_to_camera: np.ndarray | None) -> np.ndarray:
+    """(S, 3, 4), a pose for each of `files`."""
+    if not poses_path.exists():
+        raise InputError(
+            f"{poses_path}: no such file; expected a pose for each of {len(files)} scans. Scans in the order of travel can do without: "
+            f"set reading.poses={KISS_ICP} to find their poses"
+        )
+    poses = read_poses(poses_path)
+    if len(poses) != len(files):
+        raise InputError(f"{poses_path}: expected a pose for each scan, got {len(poses)} poses for {len(files)} scans ({files[0].parent})")
+    return poses if lidar_to_camera is None else lidar_poses(poses, lidar_to_camera)

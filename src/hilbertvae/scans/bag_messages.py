@@ -1,0 +1,65 @@
+"""What a ROS message of scans says: `sensor_msgs/LaserScan` and `sensor_msgs/PointCloud2` as points in the sensor's frame."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hilbertvae.checks import InputError
+
+LASER_SCAN, POINT_CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
+DIMENSIONS = {LASER_SCAN: 2, POINT_CLOUD: 3}
+"""By type of message, in `rosbags`' spelling, which is ROS 2's for both."""
+NUMBER_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""By `PointField.datatype`."""
+
+
+def read_laser_scan(message) -> np.ndarray:
+    """(N, 3) float64, metres, sensor frame, z = 0, one row a range: NaN where there is no return.
+
+    No return is what the message's definition says, a range outside `range_min` to `range_max`, NaN and inf; besides 0, and
+    `range_max` itself, which drivers write for it. Raises `InputError` where angles or limits are no numbers.
+    """
+    ranges = np.asarray(message.ranges, dtype=np.float64)
+    first, step, low, high = (float(getattr(message, name)) for name in ("angle_min", "angle_increment", "range_min", "range_max"))
+    if not np.isfinite([first, step, low]).all() or np.isnan(high):
+        raise InputError(f"expected angles and a range_min that are numbers, got {first}, {step} and {low}, range_max {high}")
+    returned = np.isfinite(ranges) & (ranges > 0) & (ranges >= low) & (ranges < high)
+    ranges = np.where(returned, ranges, np.nan)
+    angles = first + step * np.arange(len(ranges))
+    return np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles), np.where(returned, 0.0, np.nan)])
+
+
+def read_point_cloud(message) -> np.ndarray:
+    """(N, 3) float64, metres, sensor frame, row by row; NaN where an organised cloud has no return.
+
+    Raises `InputError` for a cloud without x, y and z, and for one whose sizes contradict each other or the data's, before memory is taken.
+    """
+    fields = {field.name: field for field in message.fields}
+    if not {"x", "y", "z"} <= fields.keys():
+        raise InputError(f"expected fields x, y, z, the cloud has {' '.join(fields)[:60] or 'none'}")
+    width, height, step = message.width, message.height, message.point_step
+    row = message.row_step if height > 1 else width * step  # drivers of clouds without rows leave it at 0
+    data = np.asarray(message.data, dtype=np.uint8)
+    if width * height == 0:
+        return np.empty((0, 3))
+    needed = (height - 1) * row + width * step
+    if width * step > row or needed > len(data):
+        raise InputError(
+            f"truncated or forged cloud; {width} x {height} points of {step} bytes in rows of {row} need {needed} bytes, "
+            f"{len(data)} are there"
+        )
+    columns = []
+    for axis in "xyz":
+        field = fields[axis]
+        kind = np.dtype(NUMBER_TYPES.get(field.datatype, "V0")).newbyteorder(">" if message.is_bigendian else "<")
+        if kind.kind == "V" or field.count != 1 or field.offset + kind.itemsize > step:
+            raise InputError(
+                f"expected {axis} as one number within the {step} bytes of a point, got datatype {field.datatype}, count {field.count} "
+                f"at byte {field.offset}"
+            )
+        values = np.ndarray((height, width), kind, data, field.offset, (row, step))
+        columns.append(values.reshape(-1).astype(np.float64))
+    return np.column_stack(columns)
+
+
+READERS = {LASER_SCAN: read_laser_scan, POINT_CLOUD: read_point_cloud}

@@ -1,0 +1,176 @@
+"""Reader of ROS bags, through rosbags: ROS 1 (.bag), ROS 2 (a folder with metadata.yaml, or one .db3 or .mcap of it)."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.progress import track
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
+from hilbertvae.scans.bag_poses import ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range
+from hilbertvae.scans.beam_origins import find_beam_origins
+from hilbertvae.scans.file_points import check_reading, extra_module, named, reading
+from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
+from hilbertvae.scans.scan import Scans
+
+BAG_FILES = (".bag", ".mcap", ".db3")
+METADATA = "metadata.yaml"
+MOST_TILT_DEG = 15.0
+"""A planar laser that leans further, on a tilting unit or a fallen robot, does not see the plan of a place."""
+
+
+def is_bag(path: str | os.PathLike) -> bool:
+    """Whether a path is a bag by its name, or a folder by what is in it."""
+    path = Path(path)
+    return path.suffix.lower() in BAG_FILES or (path / METADATA).is_file()
+
+
+def read_bag(
+    path: str | os.PathLike,
+    topic: str | None = None,
+    fixed_frame: str | None = None,
+    beam_origin: str | Sequence[float] = "centre",
+    max_range_m: float = 80.0,
+    min_range_m: float = 0.0,
+    every: int = 1,
+    poses: str | None = None,
+) -> Scans:
+    """The scans of one topic, 2D from `sensor_msgs/LaserScan` and 3D from `sensor_msgs/PointCloud2`, in the order of the bag.
+
+    topic: by default the one of such messages that has most. Poses are those of `BagPoses` at the message's time, in `fixed_frame`; a
+    scan without one is left out, with a warning. `poses="kiss_icp"` finds them by odometry instead, for clouds. beam_origin and ranges
+    are as in `read_scan_folder`; `every` keeps each so many-th message. Scans are numbered from 0, beams by their place in the message.
+
+    The bag is read twice, transforms and then scans, a chunk at a time: memory grows with the returns that are kept. Messages have the
+    types that ROS defines, whatever definitions the bag brings along. Raises `InputError` for files that are missing or damaged, and
+    where there are no scans or no poses, with the topics or frames that are there.
+    """
+    path = Path(path)
+    check_reading(min_range_m, max_range_m, every)
+    check_poses_choice(poses)
+    if poses is not None and fixed_frame is not None:
+        raise InputError(f"reading.fixed_frame: with reading.poses={poses} the frame is that of the first scan; leave one of them unset")
+    extra_module("bags", "rosbags")
+    with reading(path, "a ROS bag"), _opened(path) as bag:
+        chosen = bag.scan_topic(topic)
+        is_flat = bag.types[chosen] == LASER_SCAN
+        for name, setting, neutral in (("poses", poses, None), ("beam_origin", beam_origin, "centre")):
+            if is_flat and setting != neutral:
+                raise InputError(f"reading.{name}: {chosen} of {path} are planar laser scans, where this has no meaning; leave it unset")
+        finder = bag.poses(fixed_frame) if poses is None else None
+        beam_origins, odometry, unit = find_beam_origins(beam_origin), KissOdometry(), UnitCheck()
+        points, origins, scan, beam = [], [], [], []
+        seen = found = 0
+        # Odometry goes from scan to scan, so it sees those too that are left out.
+        for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
+            with named(f"{path}, a message of {chosen}"):
+                cloud = READERS[message.__msgtype__](message)
+            start = beam_origins(cloud)
+            lengths = beam_lengths(cloud, start)
+            unit.see(lengths)
+            kept = np.flatnonzero(within_range(lengths, min_range_m, max_range_m))
+            with named(str(path)):
+                pose = finder.at(message.header.frame_id, stamp_ns) if finder else odometry.register(cloud[kept])
+            if index % every:
+                continue
+            seen += 1
+            if pose is None or (is_flat and pose[2, 2] ** 2 < np.cos(np.deg2rad(MOST_TILT_DEG)) ** 2):
+                continue
+            dimension = DIMENSIONS[bag.types[chosen]]
+            points.append((cloud[kept] @ pose[:3, :3].T + pose[:3, 3])[:, :dimension])
+            origins.append((start[kept] @ pose[:3, :3].T + pose[:3, 3])[:, :dimension])
+            scan.append(np.full(len(kept), found, np.int32))
+            beam.append(kept.astype(np.int32))
+            found += 1
+    unit.warn(path)
+    odometry.warn(path)
+    _warn(path, chosen, finder, found, seen)
+    if not sum(map(len, points)):
+        raise InputError(f"{path}: expected beams of {min_range_m} to {max_range_m} m on {chosen}, found none in {seen} scans")
+    return Scans(*map(np.concatenate, (points, origins, scan, beam)))
+
+
+def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int) -> None:
+    """One warning for what of the poses is doubtful; an `InputError` where no scan has one."""
+    if finder and seen and not found:
+        raise InputError(
+            f"{path}: expected poses for the scans of {topic}, got none of {seen}: transforms in {finder.fixed_frame} don't cover their "
+            f"times, or the laser leans more than {MOST_TILT_DEG:.0f} degrees"
+        )
+    doubts = [f"{seen - found} of {seen} scans of {topic} have no pose at their time and are left out"] if found < seen else []
+    assumed = sorted(finder.assumed) if finder else []
+    doubts += [f"no transform says where {name} is on {finder.base_frame or 'the robot'}; taken to be its origin" for name in assumed]
+    if doubts:
+        warnings.warn(f"{path}: {'; '.join(doubts)}", stacklevel=3)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[_Bag]:
+    is_ros1 = path.suffix.lower() == ".bag" and not path.is_dir()
+    module = extra_module("bags", "rosbags.rosbag1" if is_ros1 else "rosbags.rosbag2")
+    with module.Reader(path) as reader:
+        yield _Bag(path, reader, is_ros1)
+
+
+@dataclass
+class _Bag:
+    path: Path
+    reader: object
+    is_ros1: bool
+
+    def __post_init__(self):
+        typesys = extra_module("bags", "rosbags.typesys")
+        # Never the definitions in the file: rosbags makes code of them.
+        store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if self.is_ros1 else typesys.Stores.ROS2_HUMBLE)
+        if self.is_ros1:  # rosbags has no tf2_msgs among its ROS 1 types
+            store.register(typesys.get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS[0]))
+        self._parse = store.deserialize_ros1 if self.is_ros1 else store.deserialize_cdr
+        self.types = {connection.topic: connection.msgtype for connection in self.reader.connections}
+        self.counts = dict.fromkeys(self.types, 0)
+        for connection in self.reader.connections:
+            self.counts[connection.topic] += int(connection.msgcount)
+
+    def scan_topic(self, wanted: str | None) -> str:
+        """The topic of scans that is asked for, else the one with most messages."""
+        topics = {name: count for name, count in self.counts.items() if self.types[name] in DIMENSIONS and (count or name == wanted)}
+        if wanted is not None and wanted not in topics:
+            wanted = next((name for name in topics if name.lstrip("/") == wanted.lstrip("/")), wanted)
+        if not topics or (wanted is not None and wanted not in topics):
+            found = ", ".join(f"{name} ({self.types[name]}, {count})" for name, count in sorted(self.counts.items())) or "none"
+            asked = f"the topic {wanted}, of " if wanted is not None else ""
+            raise InputError(f"{self.path}: expected {asked}sensor_msgs/LaserScan or sensor_msgs/PointCloud2, found topics {found}")
+        return wanted if wanted is not None else max(sorted(topics), key=topics.get)
+
+    def poses(self, fixed_frame: str | None) -> BagPoses:
+        """The transforms of the bag, and its odometry: of several such topics, the one with most messages."""
+        found = BagPoses(fixed_frame)
+        odometries = sorted((-count, name) for name, count in self.counts.items() if self.types[name] == ODOMETRY and count)
+        used = {name for name, kind in self.types.items() if kind in TRANSFORMS} | {name for _, name in odometries[:1]}
+        for topic, _, message in self._messages(used):
+            if self.types[topic] == ODOMETRY:
+                found.add_odometry(message)
+            else:
+                found.add_transforms(message.transforms, topic.endswith("tf_static"))
+        return found
+
+    def scans(self, topic: str, every: int = 1) -> Iterator[tuple[int, int, object]]:
+        """Each so many-th message of scans: its place, its time (that of the recording where it has none), and the message."""
+        for index, (_, recorded_ns, message) in enumerate(self._messages({topic}, every)):
+            yield index * every, nanoseconds(message.header.stamp) or recorded_ns, message
+
+    def _messages(self, topics: set[str], every: int = 1) -> Iterator[tuple[str, int, object]]:
+        connections = [connection for connection in self.reader.connections if connection.topic in topics]
+        if not connections:
+            return
+        for index, (connection, recorded_ns, data) in enumerate(self.reader.messages(connections)):
+            if index % every == 0:
+                kind = TRANSFORMS[0] if connection.msgtype in TRANSFORMS else connection.msgtype
+                yield connection.topic, recorded_ns, self._parse(data, kind)

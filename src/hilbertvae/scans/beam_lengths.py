@@ -1,0 +1,46 @@
+"""How long beams are: which of them are kept, and what their lengths say of the unit of the coordinates."""
+
+from __future__ import annotations
+
+import os
+import warnings
+
+import numpy as np
+
+LONGEST_MEDIAN_M = 1000.0
+"""No laser that maps surroundings has half of its beams longer; a room in millimetres has."""
+
+
+def beam_lengths(points: np.ndarray, origins: np.ndarray) -> np.ndarray:
+    """(N,) of `points (N, D)` and the `origins` of their beams; NaN or inf where there is no return."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.sqrt(np.square(points - origins).sum(axis=1))
+
+
+def within_range(lengths: np.ndarray, min_range_m: float, max_range_m: float) -> np.ndarray:
+    """(N,) bool: beams longer than `min_range_m` and shorter than `max_range_m`; those without a return (NaN, inf) are not."""
+    with np.errstate(invalid="ignore"):
+        return (lengths > min_range_m) & (lengths < max_range_m)
+
+
+class UnitCheck:
+    """Sees the lengths of all beams, dropped ones included, scan by scan, and warns where they can't be metres."""
+
+    def __init__(self):
+        self._medians: list[float] = []
+
+    def see(self, lengths: np.ndarray) -> None:
+        """The lengths of a scan's beams (N,), those without a return among them."""
+        lengths = lengths[np.isfinite(lengths)]
+        if len(lengths):
+            self._medians.append(float(np.median(lengths)))
+
+    def warn(self, path: str | os.PathLike) -> None:
+        """One `UserWarning` where the median beam, over the scans seen, is longer than any laser's."""
+        middle = float(np.median(self._medians)) if self._medians else 0.0
+        if middle > LONGEST_MEDIAN_M:
+            warnings.warn(
+                f"{path}: half of the beams are longer than {middle:.0f} m; are the coordinates in millimetres, "
+                "or is the sensor's origin in another frame? Metres are expected",
+                stacklevel=4,
+            )

@@ -1,0 +1,32 @@
+"""Rotations as unit quaternions (x, y, z, w), as ROS and TUM write them: to matrices, and between two of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def rotation_matrices(quaternions: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) of unit quaternions (..., 4)."""
+    x, y, z, w = np.moveaxis(np.asarray(quaternions, dtype=np.float64), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+
+
+def slerp(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
+    """The unit quaternion (4,) a `share` of 0 to 1 of the way from one to the other, at a constant turn rate, the short way round.
+
+    Shoemake, *Animating rotation with quaternion curves*, 1985.
+    """
+    cosine = float(first @ second)
+    if cosine < 0:  # q and -q are one rotation
+        second, cosine = -second, -cosine
+    if cosine > 0.9995:  # the angle's sine vanishes; over so short a way a chord is an arc
+        between = first + share * (second - first)
+    else:
+        angle = np.arccos(cosine)
+        between = np.sin((1 - share) * angle) * first + np.sin(share * angle) * second
+    return between / np.sqrt(between @ between)

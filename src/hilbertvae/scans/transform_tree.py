@@ -1,0 +1,137 @@
+"""ROS transforms (tf2): a tree of frames, each in its parent's, that move over time."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.poses import FARTHEST_M, RIGID
+from hilbertvae.scans.quaternions import rotation_matrices, slerp
+
+
+class PoseTrack:
+    """The pose of one frame in another over time: samples in any order, and between two of them the way that both ends suggest."""
+
+    def __init__(self, name: str):
+        self.name = name
+        """What messages call it."""
+        self._rows: list[tuple[float, ...]] = []
+        self._stamps: list[int] = []
+        self._sorted: tuple[np.ndarray, np.ndarray] | None = None
+
+    def add(self, stamp_ns: int, translation, rotation) -> None:
+        """A sample: nanoseconds, and ROS's `Vector3` (or `Point`) in metres and `Quaternion`."""
+        self._stamps.append(stamp_ns)
+        self._rows.append((translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z, rotation.w))
+        self._sorted = None
+
+    def at(self, stamp_ns: int) -> np.ndarray | None:
+        """(4, 4) at a time: interpolated, places on a line and turns at a constant rate. None before the first sample and after the last.
+
+        A single sample holds at all times. Raises `InputError` where a sample is no rigid motion.
+        """
+        stamps, rows = self._samples()
+        if len(stamps) == 1:
+            return _matrix(rows[0, :3], rows[0, 3:])
+        after = int(np.searchsorted(stamps, stamp_ns))
+        if after == len(stamps) or (after == 0 and stamps[0] != stamp_ns):
+            return None
+        if stamps[after] == stamp_ns:
+            return _matrix(rows[after, :3], rows[after, 3:])
+        share = float(stamp_ns - stamps[after - 1]) / float(stamps[after] - stamps[after - 1])
+        first, second = rows[after - 1], rows[after]
+        return _matrix(first[:3] + share * (second[:3] - first[:3]), slerp(first[3:], second[3:], share))
+
+    def _samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """The times (S,) int64, increasing, and the samples (S, 7)."""
+        if self._sorted is None:
+            stamps, last = np.unique(np.array(self._stamps[::-1], np.int64), return_index=True)  # of one time, the last that came
+            rows = np.array(self._rows[::-1])[last]
+            with np.errstate(over="ignore", invalid="ignore"):
+                length = np.sqrt(np.square(rows[:, 3:]).sum(axis=1, keepdims=True))
+                sound = (np.abs(length[:, 0] - 1) <= RIGID) & (np.abs(rows[:, :3]) <= FARTHEST_M).all(axis=1)
+            if not sound.all():
+                raise InputError(
+                    f"{self.name}: expected a place in metres and a unit quaternion, got {rows[np.flatnonzero(~sound)[0]].tolist()}"
+                )
+            rows[:, 3:] /= length
+            self._sorted = stamps, rows
+        return self._sorted
+
+
+def _matrix(place: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation_matrices(quaternion), place
+    return matrix
+
+
+def _inverse(pose: np.ndarray) -> np.ndarray:
+    """Of a rigid motion (4, 4): exact to the last bits for places of UTM's size, too."""
+    inverse = np.eye(4)
+    inverse[:3, :3], inverse[:3, 3] = pose[:3, :3].T, -pose[:3, :3].T @ pose[:3, 3]
+    return inverse
+
+
+class TransformTree:
+    """Frames by name, without the leading slash that ROS 1 may have. A frame has one parent; what is static holds at all times."""
+
+    def __init__(self):
+        self._moving: dict[tuple[str, str], PoseTrack] = {}
+        self._static: dict[tuple[str, str], PoseTrack] = {}
+        self._parents: dict[str, list[str]] = defaultdict(list)
+
+    def add(self, parent: str, child: str, stamp_ns: int, translation, rotation, static: bool) -> None:
+        """A sample of the pose of `child` in `parent`; see `PoseTrack.add`. The last static one of a frame is what holds."""
+        edge = parent, child = parent.lstrip("/"), child.lstrip("/")
+        if parent not in self._parents[child]:
+            self._parents[child].append(parent)
+        if static:
+            self._static[edge] = PoseTrack(f"transform from {child} to {parent}")
+            self._static[edge].add(stamp_ns, translation, rotation)
+        else:
+            self._moving.setdefault(edge, PoseTrack(f"transform from {child} to {parent}")).add(stamp_ns, translation, rotation)
+
+    @property
+    def frames(self) -> list[str]:
+        """All frames that are named, sorted."""
+        return sorted({*self._parents, *(parent for parents in self._parents.values() for parent in parents)})
+
+    def connects(self, fixed: str, frame: str) -> bool:
+        """Whether there is a chain of transforms between two frames, at whatever time."""
+        return self._up(fixed)[-1] == self._up(frame)[-1]
+
+    def pose(self, fixed: str, frame: str, stamp_ns: int) -> np.ndarray | None:
+        """(4, 4): takes points of `frame` to `fixed` at a time. None where the chain between them does not cover that time.
+
+        Raises `InputError` for a frame of several parents, for a loop, and for a transform on the way that is no rigid motion.
+        """
+        up, down = self._up(frame), self._up(fixed)
+        shared = next((name for name in up if name in down), None)
+        if shared is None:
+            return None
+        there = self._climb(up[: up.index(shared) + 1], stamp_ns)
+        back = self._climb(down[: down.index(shared) + 1], stamp_ns)
+        return None if there is None or back is None else _inverse(back) @ there
+
+    def _up(self, frame: str) -> list[str]:
+        """A frame and those above it, up to the root."""
+        names = [frame]
+        while parents := self._parents.get(names[-1]):
+            if len(parents) > 1:
+                raise InputError(f"transforms: expected one parent of the frame {names[-1]}, found {' and '.join(parents)}")
+            if parents[0] in names:
+                raise InputError(f"transforms: expected a tree, found a loop: {' in '.join([*names, parents[0]])}")
+            names.append(parents[0])
+        return names
+
+    def _climb(self, names: list[str], stamp_ns: int) -> np.ndarray | None:
+        pose = np.eye(4)
+        for child, parent in zip(names[:-1], names[1:], strict=True):
+            track = self._moving.get((parent, child)) or self._static[parent, child]
+            step = track.at(stamp_ns)
+            if step is None:
+                return None
+            pose = step @ pose
+        return pose

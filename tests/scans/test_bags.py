@@ -1,0 +1,166 @@
+import shutil
+import tracemalloc
+
+import numpy as np
+import pytest
+from bag_scene import CLOUDS, LASER_ON_BASE, LIDAR_ON_BASE, MAP_ODOM, RANGES, base_in_odom, laser_points, write_scene
+from bag_writers import KINDS, bag, moved, turned
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.bags import is_bag, read_bag
+from hilbertvae.scans.formats import ReadingSettings, read_scans_path
+
+pytest.importorskip("rosbags")
+
+EACH_KIND = pytest.mark.parametrize("kind", KINDS)
+
+
+@EACH_KIND
+def test_clouds_are_in_the_map_frame(tmp_path, kind):
+    scans = read_bag(write_scene(tmp_path / KINDS[kind], kind, lasers=0))
+    assert scans.dimension == 3 and scans.points.dtype == np.float64 and scans.scan.dtype == scans.beam.dtype == np.int32
+    for number in range(4):
+        chain = LIDAR_ON_BASE, base_in_odom(number + 0.35), MAP_ODOM
+        chosen = scans.scan == number
+        np.testing.assert_allclose(scans.points[chosen], moved(CLOUDS[number], *chain), rtol=0, atol=1e-6)
+        np.testing.assert_allclose(scans.origins[chosen], np.tile(moved(np.zeros((1, 3)), *chain), (12, 1)), rtol=0, atol=1e-6)
+        np.testing.assert_array_equal(scans.beam[chosen], np.arange(12))
+
+
+@EACH_KIND
+def test_lasers_are_flat(tmp_path, kind):
+    path = write_scene(tmp_path / KINDS[kind], kind, lasers=4, clouds=3, slash="/" if kind == "ros1" else "")
+    scans = read_bag(path, every=2)
+    assert scans.dimension == 2 and len(scans) == 62
+    for number in range(2):
+        chain = LASER_ON_BASE, base_in_odom(2 * number + 0.35), MAP_ODOM
+        chosen = scans.scan == number
+        np.testing.assert_allclose(scans.points[chosen], moved(laser_points(RANGES[2 * number]), *chain)[:, :2], rtol=0, atol=1e-6)
+        np.testing.assert_allclose(scans.origins[chosen], np.tile(moved(np.zeros((1, 3)), *chain)[:, :2], (31, 1)), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "compression"), [("ros1", "BZ2"), ("ros1", "LZ4"), ("sqlite", "ZSTD"), ("mcap", "ZSTD")])
+def test_packed_bags(tmp_path, kind, compression):
+    plain = read_bag(write_scene(tmp_path / ("b" + KINDS[kind]), kind, lasers=0))
+    packed = read_bag(write_scene(tmp_path / KINDS[kind], kind, compression, lasers=0))
+    np.testing.assert_array_equal(packed.points, plain.points)
+
+
+@pytest.mark.parametrize("kind", ["sqlite", "mcap"])
+def test_a_file_without_its_folder(tmp_path, kind):
+    folder = write_scene(tmp_path / KINDS[kind], kind, lasers=0)
+    file = next(path for path in folder.iterdir() if path.suffix in (".db3", ".mcap"))
+    alone = shutil.copy(file, tmp_path / f"alone{file.suffix}")
+    assert is_bag(alone) and is_bag(folder) and not is_bag(tmp_path)
+    np.testing.assert_array_equal(read_bag(alone).points, read_bag(folder).points)
+
+
+def test_settings_go_to_the_reader(tmp_path):
+    path = write_scene(tmp_path / "a.bag", "ros1", clouds=2)
+    assert read_scans_path(path).dimension == 2  # the laser has more messages
+    options = {"topic": "points", "fixed_frame": "odom", "beam_origin": "0, 0, 1.5", "max_range_m": 25.0, "min_range_m": 12.0}
+    scans = read_scans_path(path, ReadingSettings(**options))
+    chain, row = (LIDAR_ON_BASE, base_in_odom(0.35)), 0
+    for beam, point in enumerate(CLOUDS[0]):
+        if 12.0 < sum((point - [0, 0, 1.5]) ** 2) ** 0.5 < 25.0:
+            np.testing.assert_allclose(scans.points[row], moved(point[None], *chain)[0], rtol=0, atol=1e-6)
+            np.testing.assert_allclose(scans.origins[row], moved([[0, 0, 1.5]], *chain)[0], rtol=0, atol=1e-6)
+            assert scans.beam[row] == beam and scans.scan[row] == 0
+            row += 1
+    assert 0 < row == np.count_nonzero(scans.scan == 0) < 12
+    for wrong in ({"sensor_origin_m": [0.0, 0.0, 0.0]}, {"beam_origin": "hdl64"}, {"poses": "kiss_icp"}):
+        with pytest.raises(InputError, match=f"reading.{next(iter(wrong))}: .*a.bag"):
+            read_scans_path(path, ReadingSettings(**wrong))
+
+
+@EACH_KIND
+def test_odometry_serves_where_no_transforms_do(tmp_path, kind):
+    path = tmp_path / KINDS[kind]
+    with bag(path, kind) as made:
+        made.transform("/tf_static", 0, "base", "lidar", LIDAR_ON_BASE)
+        for second in range(3):
+            made.odometry("/odom", second, "odom", "base", base_in_odom(second))
+        made.odometry("/rarely", 0, "elsewhere", "base", base_in_odom(0))
+        made.cloud("/points", 1.35, "lidar", CLOUDS[0])
+    scans = read_bag(path)
+    np.testing.assert_allclose(scans.points, moved(CLOUDS[0], LIDAR_ON_BASE, base_in_odom(1.35)), rtol=0, atol=1e-9)
+
+
+def test_a_sensor_that_no_transform_places_is_taken_to_be_the_base(tmp_path):
+    with bag(tmp_path / "a.bag") as made:
+        for second in range(3):
+            made.odometry("/odom", second, "odom", "base", base_in_odom(second))
+        made.cloud("/points", 1.35, "lidar", CLOUDS[0])
+    with pytest.warns(UserWarning, match="no transform says where lidar is on base; taken to be its origin"):
+        scans = read_bag(tmp_path / "a.bag")
+    np.testing.assert_allclose(scans.points, moved(CLOUDS[0], base_in_odom(1.35)), rtol=0, atol=1e-9)
+
+
+def test_a_sensor_that_stood_still(tmp_path):
+    with bag(tmp_path / "a.bag") as made:
+        made.cloud("/points", None or 0, "lidar", CLOUDS[0])
+    with pytest.raises(InputError, match="nothing says where 'lidar' was in map or odom .*reading.fixed_frame.*kiss_icp"):
+        read_bag(tmp_path / "a.bag")
+    np.testing.assert_array_equal(read_bag(tmp_path / "a.bag", fixed_frame="lidar").points, CLOUDS[0])
+
+
+def test_frames_that_are_not_there(tmp_path):
+    path = write_scene(tmp_path / "a.bag", "ros1", lasers=0, fixed=False)
+    assert read_bag(path).points.max() < 100  # odom, for want of map
+    with pytest.raises(InputError, match="in utm .frames of transforms: base, laser, lidar, odom; no odometry"):
+        read_bag(path, fixed_frame="utm")
+
+
+def test_scans_beyond_the_transforms_are_left_out(tmp_path):
+    with bag(tmp_path / "a.bag") as made:
+        for second in (1, 2, 3):
+            made.transform("/tf", second, "map", "lidar", base_in_odom(second))
+        for number in range(4):
+            made.cloud("/points", number + 0.5, "lidar", CLOUDS[number])
+    with pytest.warns(UserWarning, match="2 of 4 scans of /points have no pose at their time and are left out"):
+        scans = read_bag(tmp_path / "a.bag")
+    np.testing.assert_allclose(scans.points[scans.scan == 0], moved(CLOUDS[1], base_in_odom(1.5)), rtol=0, atol=1e-9)
+    assert scans.scan.max() == 1
+    with pytest.raises(InputError, match="got none of 1: transforms in map don't cover"):
+        read_bag(tmp_path / "a.bag", every=10)
+
+
+def test_a_stamp_of_zero_is_the_time_of_the_recording(tmp_path):
+    with bag(tmp_path / "a.bag") as made:
+        for second in range(3):
+            made.transform("/tf", second, "map", "laser", base_in_odom(second))
+        made.laser("/scan", None, "laser", RANGES[0], recorded=1.35)
+    np.testing.assert_allclose(read_bag(tmp_path / "a.bag").points, moved(laser_points(RANGES[0]), base_in_odom(1.35))[:, :2], atol=1e-6)
+
+
+def test_a_bag_without_scans_lists_its_topics(tmp_path):
+    path = write_scene(tmp_path / "a.bag", "ros1", lasers=0, clouds=0)
+    with pytest.raises(InputError, match=r"LaserScan or .*, found topics /tf \(tf2_msgs/msg/TFMessage, 12\), /tf_static \(.*, 2\)"):
+        read_bag(path)
+    path = write_scene(tmp_path / "b.bag", "ros1")
+    with pytest.raises(InputError, match="expected the topic /front, of .*/points .*/scan "):
+        read_bag(path, topic="/front")
+    with pytest.raises(InputError, match="expected the topic /tf, of "):
+        read_bag(path, topic="/tf")
+
+
+@pytest.mark.parametrize("quaternion", [(0, 0, 0, 0), (0, 0, 0, np.nan), (0, 0, 0, 2), (1e200, 0, 0, 0)])
+def test_a_transform_that_is_none(tmp_path, quaternion):
+    with bag(tmp_path / "a.bag") as made:
+        made.transform("/tf", 0, "map", "lidar", ((0, 0, 0), quaternion))
+        made.cloud("/points", 0.0, "lidar", CLOUDS[0])
+    with pytest.raises(InputError, match="transform from lidar to map: expected a place in metres and a unit quaternion"):
+        read_bag(tmp_path / "a.bag")
+
+
+def test_a_big_bag_is_read_a_chunk_at_a_time(tmp_path):
+    cloud = np.random.default_rng(0).uniform(-20, 20, (20_000, 3))
+    with bag(tmp_path / "a.bag") as made:
+        made.transform("/tf", 0, "map", "lidar", ((0, 0, 0), turned(0)))
+        for number in range(40):
+            made.cloud("/points", number, "lidar", cloud)
+    read_bag(tmp_path / "a.bag", every=40)
+    tracemalloc.start()
+    assert len(read_bag(tmp_path / "a.bag", every=20)) == 40_000
+    assert tracemalloc.get_traced_memory()[1] < 8e6 < (tmp_path / "a.bag").stat().st_size / 1.5
+    tracemalloc.stop()

@@ -1,0 +1,51 @@
+import warnings
+
+import numpy as np
+import pytest
+from point_writers import POINTS, random_poses, write_drive, write_text
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range
+from hilbertvae.scans.formats import ReadingSettings, read_scans_path
+from toy_rooms import carmen_line, write_log
+
+
+def test_lengths_and_what_is_kept():
+    points = np.array([[3.0, 4.0], [np.nan, 0], [np.inf, 0], [1e300, 1e300], [1, 1]])
+    lengths = beam_lengths(points, np.array([0.0, 0.0]))
+    assert lengths[0] == 5 and within_range(lengths, 1.5, 5.1).tolist() == [True, False, False, False, False]
+    assert within_range(lengths, 1.4, 5.0).tolist() == [False, False, False, False, True]
+
+
+def test_medians_of_most_scans_decide():
+    check = UnitCheck()
+    for lengths in ([2000.0, 3000, np.nan, np.inf], [5.0], [np.nan], [4000.0, 1, 9000]):
+        check.see(np.array(lengths))
+    with pytest.warns(UserWarning, match="a.ply: half of the beams are longer than 2500 m; are the coordinates in millimetres"):
+        check.warn("a.ply")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        UnitCheck().warn("a.ply")
+
+
+@pytest.mark.parametrize("kind", ["file", "folder", "log"])
+def test_millimetres_give_one_warning_even_where_nothing_is_kept(tmp_path, kind):
+    if kind == "file":
+        path = write_text(tmp_path / "a.xyz", 1000 * POINTS)
+    elif kind == "folder":
+        path = write_drive(tmp_path, 1000 * POINTS.reshape(3, 20, 3), random_poses(3))
+    else:
+        path = write_log(tmp_path / "a.log", [carmen_line(1000 * np.full(180, 5.0), [0, 0, 0])] * 3)
+    origin = [0.0, 0.0, 0.0] if kind == "file" else None
+    with pytest.warns(UserWarning, match="millimetres") as found, pytest.raises(InputError, match="found none"):
+        read_scans_path(path, ReadingSettings(sensor_origin_m=origin))
+    assert len(found) == 1
+    with pytest.warns(UserWarning, match="millimetres"):
+        assert len(read_scans_path(path, ReadingSettings(sensor_origin_m=origin, max_range_m=1e6))) > 0
+
+
+def test_metres_give_none(tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_scans_path(write_text(tmp_path / "a.xyz"), ReadingSettings(sensor_origin_m=[0, 0, 0]))
+        read_scans_path(write_drive(tmp_path / "drive", POINTS.reshape(3, 20, 3), random_poses(3)))

@@ -1,0 +1,137 @@
+import sys
+import warnings
+
+import numpy as np
+import pytest
+from bag_writers import bag
+from point_writers import write_drive, write_npz, write_pcd, write_velodyne
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.formats import ReadingSettings, read_scans_path
+from hilbertvae.scans.odometry import BAD_FIT, KissOdometry
+
+pytest.importorskip("kiss_icp")
+KISS = ReadingSettings(poses="kiss_icp")
+
+
+def street(step_m, seed, scans):
+    """Scans (n, 3) of a simulated street, each in its sensor's frame, and their true poses (S, 3, 4) in that of the first.
+
+    The sensor turns by 3 degrees from scan to scan, so that there is more to find than a line.
+    """
+    for module in ("shapely", "trimesh", "embreex"):
+        pytest.importorskip(module)
+    from hilbertvae.simulate.street import StreetSettings, simulate_street
+
+    settings = StreetSettings(
+        character="residential", sensor="hdl64", azimuths=600, scans=10, single_scan_share=0.0, shortest_step_m=step_m,
+        longest_step_m=step_m, pose_noise_m=0.0, heading_noise_deg=0.0, traffic=False,
+    )  # fmt: skip
+    found = simulate_street(settings, seed)
+    clouds, poses = [], np.empty((scans, 3, 4))
+    first = np.median(found.origins[found.scan == 0], axis=0)
+    for number, pose in enumerate(poses):
+        angle, mine = np.deg2rad(3.0 * number), found.scan == number
+        pose[:, :3] = [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+        pose[:, 3] = np.median(found.origins[mine], axis=0) - first
+        clouds.append((found.points[mine] - first - pose[:, 3]) @ pose[:, :3])
+    return clouds, poses
+
+
+@pytest.fixture(scope="module")
+def drive():
+    return street(1.0, seed=1, scans=6)
+
+
+def test_a_drive_is_found_to_centimetres(drive):
+    clouds, poses = drive
+    odometry = KissOdometry()
+    found = np.array([odometry.register(cloud) for cloud in clouds])
+    np.testing.assert_array_equal(found[0], np.eye(3, 4))
+    assert np.linalg.norm(poses[-1, :, 3]) > 4.9
+    assert np.linalg.norm(found[:, :, 3] - poses[:, :, 3], axis=1).max() < 0.1
+    cosine = (np.trace(np.swapaxes(found[:, :, :3], 1, 2) @ poses[:, :, :3], axis1=1, axis2=2) - 1) / 2
+    assert np.rad2deg(np.arccos(np.minimum(cosine, 1))).max() < 0.3
+    assert len(odometry.fits) == 5 and max(odometry.fits) < BAD_FIT
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        odometry.warn("drive")
+    again = KissOdometry()
+    np.testing.assert_array_equal(found[:3], [again.register(cloud) for cloud in clouds[:3]])  # to the bit
+
+
+def test_scans_far_apart_are_found_too(monkeypatch):
+    """4 m from scan to scan: from a standing start alone KISS-ICP stays where it was."""
+    clouds, poses = street(4.0, seed=11, scans=3)
+
+    def farthest_off():
+        odometry = KissOdometry()
+        return max(np.linalg.norm(odometry.register(cloud) - pose) for cloud, pose in zip(clouds, poses, strict=True))
+
+    assert farthest_off() < 0.15
+    monkeypatch.setattr("hilbertvae.scans.odometry.STARTS", ((0, 0),))
+    assert farthest_off() > 3
+
+
+def test_scans_of_several_places_give_a_warning(drive):
+    rng = np.random.default_rng(0)
+    odometry = KissOdometry()
+    for _ in range(3):
+        odometry.register(rng.uniform(-20, 20, (2000, 3)))
+    with pytest.warns(UserWarning, match=r"somewhere: poses=kiss_icp: 2 of 3 scans hardly fit the one before, scan 1 first"):
+        odometry.warn("somewhere")
+
+
+def test_a_scan_without_points_changes_nothing(drive):
+    clouds, _ = drive
+    one, other = KissOdometry(), KissOdometry()
+    np.testing.assert_array_equal(other.register(np.empty((0, 3))), np.eye(3, 4))
+    for cloud in clouds[:2]:
+        expected = one.register(cloud)
+        np.testing.assert_array_equal(other.register(cloud), expected)
+        np.testing.assert_array_equal(other.register(np.empty((0, 3))), expected)
+
+
+FOLDERS = {"kitti": ("velodyne/{:06d}.bin", write_velodyne), "pcd": ("{}.pcd", write_pcd), "npz": ("scan{}.npz", write_npz)}
+
+
+@pytest.mark.parametrize("kind", FOLDERS)
+def test_folders_without_poses(tmp_path, drive, kind):
+    clouds, poses = drive[0][:3], drive[1][:3]
+    name, write = FOLDERS[kind]
+    write_drive(tmp_path, clouds, poses, name, write)
+    expected = read_scans_path(tmp_path)
+    (tmp_path / "poses.txt").unlink()
+    with pytest.raises(InputError, match=r"poses.txt: no such file; expected a pose for each of 3 scans.*poses=kiss_icp"):
+        read_scans_path(tmp_path)
+    found = read_scans_path(tmp_path, KISS)
+    np.testing.assert_array_equal(found.scan, expected.scan)
+    np.testing.assert_array_equal(found.beam, expected.beam)
+    assert np.median(np.linalg.norm(found.points - expected.points, axis=1)) < 0.1
+    assert np.linalg.norm(found.origins - expected.origins, axis=1).max() < 0.1
+    second = read_scans_path(tmp_path, ReadingSettings(poses="kiss_icp", every=2))  # the scan between still leads the way
+    np.testing.assert_array_equal(second.points, found.points[found.scan != 1])
+
+
+def test_clouds_of_a_bag(tmp_path, drive):
+    pytest.importorskip("rosbags")
+    clouds, poses = drive
+    with bag(tmp_path / "a.bag") as made:
+        for number in range(3):
+            made.cloud("/points", number, "lidar", clouds[number])
+    found = read_scans_path(tmp_path / "a.bag", KISS)
+    for number in range(3):
+        np.testing.assert_allclose(found.origins[found.scan == number][0], poses[number, :, 3], atol=0.1)
+    with pytest.raises(InputError, match="reading.fixed_frame: with reading.poses=kiss_icp"):
+        read_scans_path(tmp_path / "a.bag", ReadingSettings(poses="kiss_icp", fixed_frame="map"))
+    second = read_scans_path(tmp_path / "a.bag", ReadingSettings(poses="kiss_icp", every=2))
+    np.testing.assert_array_equal(second.points, found.points[found.scan != 1])
+
+
+def test_bad_choices_and_a_missing_extra(tmp_path, drive, monkeypatch):
+    write_drive(tmp_path, drive[0][:2], drive[1][:2])
+    with pytest.raises(InputError, match="reading.poses: expected kiss_icp or nothing, got 'icp'"):
+        read_scans_path(tmp_path, ReadingSettings(poses="icp"))
+    monkeypatch.setitem(sys.modules, "kiss_icp.config", None)
+    with pytest.raises(InputError, match=r"pip install hilbertvae\[poses\]"):
+        read_scans_path(tmp_path, KISS)

@@ -1,0 +1,106 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.transform_tree import PoseTrack, TransformTree
+
+
+def xyz(place):
+    return SimpleNamespace(**dict(zip("xyz", map(float, place), strict=True)))
+
+
+def xyzw(rotation):
+    return SimpleNamespace(**dict(zip("xyzw", map(float, rotation.as_quat()), strict=True)))
+
+
+def matrix(place, rotation):
+    found = np.eye(4)
+    found[:3, :3], found[:3, 3] = rotation.as_matrix(), place
+    return found
+
+
+def random_pose(seed):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-9, 9, 3), Rotation.random(rng=rng)
+
+
+def put(tree, parent, child, pose, stamp=0, static=True):
+    tree.add(parent, child, stamp, xyz(pose[0]), xyzw(pose[1]), static)
+
+
+def test_a_chain_up_and_down_a_branch():
+    poses = {name: random_pose(seed) for seed, name in enumerate(["odom", "base", "arm", "lidar"])}
+    tree = TransformTree()
+    put(tree, "map", "odom", poses["odom"])
+    put(tree, "odom", "base", poses["base"])
+    put(tree, "/base", "/arm", poses["arm"])
+    put(tree, "base", "lidar", poses["lidar"])
+    odom, base, arm, lidar = (matrix(*poses[name]) for name in poses)
+    np.testing.assert_allclose(tree.pose("map", "lidar", 5), odom @ base @ lidar, atol=1e-12)
+    np.testing.assert_allclose(tree.pose("arm", "lidar", 5), np.linalg.inv(arm) @ lidar, atol=1e-12)
+    np.testing.assert_allclose(tree.pose("lidar", "map", 5), np.linalg.inv(odom @ base @ lidar), atol=1e-12)
+    np.testing.assert_array_equal(tree.pose("base", "base", 5), np.eye(4))
+    assert tree.frames == ["arm", "base", "lidar", "map", "odom"]
+    assert tree.connects("arm", "lidar") and not tree.connects("map", "camera") and tree.pose("map", "camera", 5) is None
+
+
+def test_places_of_utm_keep_their_bits_on_the_way_down():
+    tree = TransformTree()
+    put(tree, "utm", "map", ((456_789.125, 5_428_345.25, 118.5), Rotation.from_euler("z", 0.4)))
+    put(tree, "utm", "lidar", ((456_790.125, 5_428_345.25, 118.5), Rotation.identity()))
+    np.testing.assert_allclose(tree.pose("map", "lidar", 0)[:3, 3], [np.cos(0.4), -np.sin(0.4), 0], rtol=0, atol=2e-9)
+
+
+def test_between_two_samples():
+    track = PoseTrack("track")
+    stamps = [10, 30, 20, 60]
+    for stamp in stamps:  # out of order, as several recorders leave them
+        track.add(stamp, xyz((stamp, -stamp, 0)), xyzw(Rotation.from_euler("z", 0.02 * stamp)))
+    for stamp in (10, 13, 20, 29, 47, 60):
+        np.testing.assert_allclose(track.at(stamp), matrix((stamp, -stamp, 0), Rotation.from_euler("z", 0.02 * stamp)), atol=1e-12)
+    assert track.at(9) is None and track.at(61) is None
+
+
+def test_of_one_time_the_last_sample_counts_and_a_single_one_holds_always():
+    track = PoseTrack("track")
+    track.add(5, xyz((1, 0, 0)), xyzw(Rotation.identity()))
+    assert track.at(-1)[0, 3] == track.at(10**18)[0, 3] == 1
+    track.add(5, xyz((2, 0, 0)), xyzw(Rotation.identity()))
+    assert track.at(7)[0, 3] == 2
+
+
+def test_what_moves_counts_before_what_is_static():
+    tree = TransformTree()
+    put(tree, "map", "base", ((1, 0, 0), Rotation.identity()))
+    put(tree, "map", "base", ((2, 0, 0), Rotation.identity()))
+    assert tree.pose("map", "base", 7)[0, 3] == 2
+    put(tree, "map", "base", ((3, 0, 0), Rotation.identity()), stamp=4, static=False)
+    put(tree, "map", "base", ((4, 0, 0), Rotation.identity()), stamp=6, static=False)
+    assert tree.pose("map", "base", 5)[0, 3] == 3.5 and tree.pose("map", "base", 7) is None
+
+
+def test_trees_that_are_none():
+    still = (0, 0, 0), Rotation.identity()
+    tree = TransformTree()
+    put(tree, "a", "b", still)
+    put(tree, "c", "b", still)
+    with pytest.raises(InputError, match="expected one parent of the frame b, found a and c"):
+        tree.pose("a", "b", 0)
+    tree = TransformTree()
+    put(tree, "a", "b", still)
+    put(tree, "b", "a", still)
+    with pytest.raises(InputError, match="found a loop: a in b in a"):
+        tree.pose("c", "a", 0)
+
+
+@pytest.mark.parametrize("place", [(np.nan, 0, 0), (1e300, 0, 0)])
+def test_a_bad_place_counts_where_it_is_used(place):
+    tree = TransformTree()
+    put(tree, "map", "lidar", (place, Rotation.identity()))
+    put(tree, "map", "base", ((0, 0, 0), Rotation.identity()))
+    np.testing.assert_array_equal(tree.pose("map", "base", 0), np.eye(4))
+    with pytest.raises(InputError, match="transform from lidar to map: expected a place in metres"):
+        tree.pose("map", "lidar", 0)
