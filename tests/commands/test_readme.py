@@ -10,12 +10,17 @@ import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 
+from hilbertvae.commands.map import main as map_scans
+from hilbertvae.commands.query import main as query
 from hilbertvae.commands.table import main as table
 from hilbertvae.commands.train import CONF, run, to_settings
-from toy_rooms import square_room
+from hilbertvae.exports.map_cells import MapCells
+from hilbertvae.exports.ros_map import write_ros_map
+from toy_rooms import carmen_line, square_room, write_log
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 COMMANDS = [line.split("#")[0].strip() for line in re.findall(r"^\.venv/bin/hilbertvae-train .*$", README, re.MULTILINE)]
+MAPPING = [line.split("#")[0].strip() for line in re.findall(r"^\.venv/bin/hilbertvae-(?:map|query) .*$", README, re.MULTILINE)]
 PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 
 
@@ -35,7 +40,7 @@ def checkpoint(tmp_path_factory) -> Path:
 
 
 def test_there_is_something_to_execute():
-    assert len(COMMANDS) >= 4 and len(PYTHON) == 1
+    assert len(COMMANDS) >= 4 and len(MAPPING) >= 4 and len(PYTHON) == 1
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -53,6 +58,28 @@ def test_command(command, tmp_path, checkpoint):
         return
     found = run_fast(tmp_path, *(word for word in words if word != "debug=fast"), "mapper=[cvae-hm,nearest]")
     assert (found / "result.json").is_file()
+
+
+def test_mapping_commands(tmp_path, monkeypatch, room, box):
+    """One after the other, on small scans of the kinds that they name; the last asks the map that the first has made."""
+    pytest.importorskip("kiss_icp")
+    monkeypatch.chdir(tmp_path)
+    write_log(tmp_path / "drive.log", [carmen_line(np.full(180, 3.0), (x, 0, 0)) for x in (0.0, 0.5)])
+    monday = tmp_path / "drives/monday"
+    monday.mkdir(parents=True)
+    for number in range(3):
+        part = box.scans.select(box.scans.scan == number)
+        np.savez(monday / f"{number}.npz", points=part.points - part.origins, origins=np.zeros(3))
+    cells = np.stack(np.meshgrid(np.arange(60), np.arange(40), indexing="ij"), axis=-1).reshape(-1, 2)
+    wall = ((cells == 0) | (cells == [59, 39])).any(axis=1)
+    known = MapCells(cells, 0.1, np.where(wall, 0.9, 0.1), np.zeros(len(cells)), np.ones(len(cells), bool))
+    write_ros_map(known, tmp_path / "office.yaml")
+    np.savetxt(tmp_path / "asked.csv", np.random.default_rng(0).uniform(-2, 2, (20, 2)), delimiter=",")
+    for command in MAPPING:
+        program, *words = shlex.split(command)
+        assert {"hilbertvae-map": map_scans, "hilbertvae-query": query}[Path(program).name](words) == 0, command
+    written = {path.parent.name for path in (tmp_path / "outputs/maps").glob("*/summary.html")}
+    assert written == {"drive.log", "monday", "office.yaml"}
 
 
 def test_python(checkpoint):
