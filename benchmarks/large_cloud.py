@@ -38,7 +38,7 @@ NETWORKS = {2: GatedNetworkSettings(), 3: GatedNetworkSettings(channels=[96, 192
 GRIDS = {2: GridSettings(), 3: GridSettings(cells=32, inner_radius_m=2.0)}
 STAGES = {
     "evidence": (hilbert_map, "Evidence"),
-    "cluster": (hilbert_map, "find_frames"),
+    "cluster": (hilbert_map, "cloud_clusters"),
     "bin": (hilbert_map, "bin_grids"),
     "reconstruct": (HilbertMap, "_complete"),
 }

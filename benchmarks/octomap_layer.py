@@ -1,4 +1,4 @@
-"""OctoMap over the plane, as one layer of its voxels: fed labelled points, not rays, which would carve the gaps (METHOD 6)."""
+"""OctoMap, over the plane as one layer of its voxels: fed labelled points, not rays, which would carve the gaps (METHOD 6)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import octomap
 
 
 class OctoMapLayer:
-    """An `octomap.OcTree` of 2D points, with its own defaults."""
+    """An `octomap.OcTree` of 2D or 3D points, with its own defaults."""
 
     def __init__(self, points: np.ndarray, occupied: np.ndarray, resolution_m: float):
         self.tree = octomap.OcTree(resolution_m)
@@ -20,4 +20,6 @@ class OctoMapLayer:
         return self.tree.getLabels(self._lifted(queries))
 
     def _lifted(self, points: np.ndarray) -> np.ndarray:
+        if points.shape[1] == 3:
+            return points
         return np.column_stack([points, np.full(len(points), self.height_m)])

@@ -1,6 +1,6 @@
 """How many queries a second a Hilbert Map answers, K = 5, and how many OctoMap's batch look-up does.
 
-    python benchmarks/queries.py [--checkpoint WEIGHTS] [--site csail] [--quick]
+    python benchmarks/queries.py [--checkpoint WEIGHTS] [--site csail] [--queries 1000000] [--quick]
 
 Two rows are ours: the kernel alone (the K nearest boxes that hold a query, and their cells), and the whole answer with evidence and
 weights. Queries lie within half a metre or so of observed voxels, so most have K boxes and evidence. The kernel is checked against
@@ -47,7 +47,7 @@ def main(words: list[str] | None = None) -> None:
     mapper = load_mapper(given.checkpoint) if given.checkpoint else HilbertMap(None, weights="unit")
     mapper.fit(site.fit.points, site.fit.occupied, site.fit.weight)
     rng = np.random.default_rng(0)
-    queries = site.fit.points[rng.integers(len(site.fit), size=count)] + rng.normal(0, SPREAD_M, (count, 2))
+    queries = site.fit.points[rng.integers(len(site.fit), size=count)] + rng.normal(0, SPREAD_M, (count, site.dimension))
 
     def mean_value(some: np.ndarray) -> np.ndarray:
         return values(some).sum(axis=1)
@@ -82,7 +82,7 @@ def main(words: list[str] | None = None) -> None:
     ]
     boxes = float((mapper.index_.holding(queries[:10_000], mapper.neighbours) != NONE).sum(axis=1).mean())
     facts = {"site": site.name, "boxes": len(mapper.frames_), "boxes_per_query": boxes, "observed": float(mapper.observed(queries).mean())}
-    report("queries", given, rows, targets, facts)
+    report("queries" if site.dimension == 2 else "queries_3d", given, rows, targets, facts, script="queries")
 
 
 if __name__ == "__main__":

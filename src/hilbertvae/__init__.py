@@ -1,14 +1,16 @@
 """Occupancy maps from laser scans, with gaps filled in by a network that learned how places go on."""
 
 __version__ = "0.1.0"
-__all__ = ["InputError", "cloud_from_scans", "evaluate", "load_mapper", "open_site"]
+__all__ = ["InputError", "cloud_from_scans", "evaluate", "load_map", "load_mapper", "open_site", "save_map"]
 
 _WHERE = {
     "InputError": "hilbertvae.checks",
     "cloud_from_scans": "hilbertvae.cloud",
     "evaluate": "hilbertvae.scoring.protocol",
+    "load_map": "hilbertvae.mappers.saved_map",
     "load_mapper": "hilbertvae.mappers.loading",
     "open_site": "hilbertvae.site",
+    "save_map": "hilbertvae.mappers.saved_map",
 }
 
 

@@ -15,6 +15,7 @@ NEEDED = {
     "training_throughput": [],
     "large_cloud": ["embreex"],
     "launchers": ["embreex"],
+    "streaming": ["octomap", "embreex"],
 }
 
 
@@ -25,7 +26,7 @@ def beside_each_other(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["benchmark", "--quick"])
 
 
-FILES = {"map_site": "map_intel"}  # of another name than the script, since there is one for each site
+FILES = {"map_site": "map_intel", "streaming": "streaming_simulated_1"}  # of another name than the script, since there is one for each site
 
 
 @pytest.mark.parametrize("name", NEEDED)

@@ -40,7 +40,7 @@ def checkpoint(tmp_path_factory) -> Path:
 
 
 def test_there_is_something_to_execute():
-    assert len(COMMANDS) >= 4 and len(MAPPING) >= 4 and len(PYTHON) == 1
+    assert len(COMMANDS) >= 4 and len(MAPPING) >= 4 and len(PYTHON) == 2
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -82,12 +82,14 @@ def test_mapping_commands(tmp_path, monkeypatch, room, box):
     assert written == {"drive.log", "monday", "office.yaml"}
 
 
-def test_python(checkpoint):
+def test_python(checkpoint, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     scans = square_room()
     known = {
         "points": [scans.points[scans.scan == number] for number in range(2)],
         "origins": np.stack([scans.origins[scans.scan == number][0] for number in range(2)]),
         "queries": np.random.default_rng(0).uniform(-2, 2, (50, 2)),
     }
-    exec(PYTHON[0].replace("outputs/run/model.safetensors", str(checkpoint)), known)
+    for program in PYTHON:  # one after the other, as it is read
+        exec(program.replace("outputs/run/model.safetensors", str(checkpoint)), known)
     assert known["probability"].shape == (50,) and ((known["probability"] >= 0) & (known["probability"] <= 1)).all()

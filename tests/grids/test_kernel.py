@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hilbertvae.grids.frame import Frames
-from hilbertvae.grids.kernel import NONE, FrameIndex, kernel
+from hilbertvae.grids.kernel import NONE, FrameIndex, kernel, kernels
 
 
 def random_frames(rng, count, dimension, turned, spread=4.0, one_scale=False):
@@ -52,6 +52,19 @@ def test_equations_7_and_8_by_brute_force(seed, dimension, count, nearest, turne
             else:
                 cell = tuple(int((x + 0.5) * cells) for x in inside_by_loop(frames, m, query))
                 assert values[q, r] == grids[m][cell]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_several_grids_are_read_as_each_alone(dimension):
+    rng = np.random.default_rng(0)
+    frames = random_frames(rng, 30, dimension, True)
+    queries = rng.uniform(-6, 6, (200, dimension))
+    holding = FrameIndex(frames).holding(queries, 4)
+    shape = (30, *(5,) * dimension)
+    several = [rng.normal(size=shape).astype(np.float16), rng.integers(0, 256, shape).astype(np.uint8)]
+    for found, grids in zip(kernels(several, frames, queries, holding), several, strict=True):
+        np.testing.assert_array_equal(found, kernel(grids, frames, queries, holding))
+        assert found.dtype == np.float32 and found.any()
 
 
 def test_more_frames_than_are_tried_at_first():

@@ -6,7 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hilbertvae.checks import InputError
+from hilbertvae.cloud import fit_cloud
 from hilbertvae.mappers.evidence import NONE, Evidence
+from hilbertvae.voxel_votes import voxel_index
 
 
 def random_cloud(seed, count, dimension, offset_m=0.0):
@@ -118,3 +121,88 @@ def test_each_query_is_answered_alone(dimension):
     np.testing.assert_array_equal(evidence.features(queries[order], found[order]), whole[order])
     one_by_one = [evidence.features(queries[k : k + 1], found[k : k + 1])[0] for k in range(30)]
     np.testing.assert_array_equal(one_by_one, whole[:30])
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    dimension=st.integers(2, 3),
+    offset_m=st.sampled_from([0.0, -1234.5, 5e6]),
+    portions=st.integers(1, 6),
+)
+def test_portions_add_up_to_the_whole(seed, dimension, offset_m, portions):
+    """Whatever the order in which they come: counts to the bit, mean positions to float32's rounding of a voxel."""
+    cloud, rng = random_cloud(seed, 120, dimension, offset_m), np.random.default_rng(seed + 1)
+    whole, grown = Evidence(*cloud, 0.2), Evidence(*(part[:0] for part in cloud), 0.2)
+    for chosen in np.array_split(rng.permutation(120), portions):
+        touched, hits, frees = grown.add(*(part[chosen] for part in cloud))
+        voxels = {voxel_of(point, 0.2) for point in cloud[0][chosen]}
+        assert {tuple(voxel) for voxel in grown.bricks.indices(grown.places[touched]).tolist()} == voxels
+        added = grown.hits[touched] - hits, grown.frees[touched] - frees
+        assert [votes.sum() for votes in added] == [cloud[2][chosen][cloud[1][chosen] == label].sum() for label in (True, False)]
+    assert len(grown) == len(whole) == len({voxel_of(point, 0.2) for point in cloud[0]})
+    queries = cloud[0] + rng.normal(0, 0.1, cloud[0].shape)
+    voxel, other = whole.find(queries), grown.find(queries)
+    np.testing.assert_array_equal(voxel == NONE, other == NONE)
+    ours, theirs = (evidence.features(queries[rows != NONE], rows[rows != NONE]) for evidence, rows in ((grown, other), (whole, voxel)))
+    np.testing.assert_array_equal(ours[:, :4], theirs[:, :4])
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5)
+
+
+def test_the_cloud_of_scans_is_that_of_them_together(place):
+    """At most one point per voxel and label, at the mean of all scans' samples, as `thinned_cloud` of merged votes has it."""
+    scans, resolution_m = place.scans, place.resolution_m
+    parts = [fit_cloud(scans.select(scans.scan == k), resolution_m) for k in np.unique(scans.scan)]
+    evidence = Evidence(parts[0].points, parts[0].occupied, parts[0].weight, resolution_m)
+    for part in parts[1:]:
+        evidence.add(part.points, part.occupied, part.weight)
+    found, expected = evidence.cloud(), fit_cloud(scans, resolution_m)
+
+    def rows(cloud):
+        index = voxel_index(cloud.points, resolution_m)
+        order = np.lexsort([*index.T, cloud.occupied])
+        return index[order], cloud.occupied[order], cloud.weight[order], cloud.points[order]
+
+    for ours, theirs in zip(rows(found)[:3], rows(expected)[:3], strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    np.testing.assert_allclose(rows(found)[3], rows(expected)[3], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_the_cloud_of_boxes_has_all_that_is_in_them(dimension):
+    points, occupied, weight = random_cloud(0, 400, dimension)
+    evidence = Evidence(3 * points, occupied, weight, 0.05)
+    whole = evidence.cloud()
+    low = np.random.default_rng(1).uniform(-1.6, 1, (3, dimension))
+    high = low + [[0.3], [0.0], [1.0]]
+    some = evidence.cloud(low, high)
+    inside = np.array([((point >= low) & (point <= high)).all(axis=1).any() for point in whole.points])
+    found = {(*point, label) for point, label in zip(some.points.tolist(), some.occupied.tolist(), strict=True)}
+    everything = [(*point, label) for point, label in zip(whole.points.tolist(), whole.occupied.tolist(), strict=True)]
+    assert {row for row, within in zip(everything, inside, strict=True) if within} <= found <= set(everything)
+    assert len(found) < len(whole)
+
+
+def test_what_was_seen_far_away_is_refused_and_changes_nothing():
+    cloud = random_cloud(0, 50, 2)
+    evidence = Evidence(*cloud, 0.1)
+    before = evidence.cloud()
+    for far in ([[0.0, 0.0], [1e12, 0.0]], [[1e12, 0.0]]):
+        with pytest.raises(InputError, match=r"points: extent \[100000000000\d\..*\] m is too large for voxels of 0.1 m"):
+            evidence.add(np.array(far), np.ones(len(far), bool), np.ones(len(far)))
+    np.testing.assert_array_equal(evidence.cloud().points, before.points)
+    assert len(evidence) == len(evidence.places) - 1
+
+
+def test_large_coordinates_cost_no_digits():
+    """At UTM's 5 000 km, distances are those at the origin to a thousandth of a voxel."""
+    points, occupied, weight = random_cloud(0, 100, 2)
+    shift = np.array([4_000_000.0, 5_000_000.0])
+    near, far = Evidence(points, occupied, weight, 0.1), Evidence(points + shift, occupied, weight, 0.1)
+    same = voxel_index(points, 0.1) == voxel_index(points + shift, 0.1) - np.rint(shift / 0.1).astype(int)
+    queries = points[same.all(axis=1)]
+    ours = far.features(queries + shift, far.find(queries + shift))
+    theirs = near.features(queries, near.find(queries))
+    alike = np.abs(ours[:, :4] - theirs[:, :4]).max(axis=1) == 0  # no neighbour changed its voxel by rounding
+    assert alike.mean() > 0.9
+    np.testing.assert_allclose(ours[alike], theirs[alike], rtol=0, atol=1e-3)

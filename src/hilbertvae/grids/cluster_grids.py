@@ -8,6 +8,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
+from hilbertvae.clusters.clusters import Clusters
 from hilbertvae.clusters.starts import check_start, find_clusters
 from hilbertvae.grids.aligned_grid import UNKNOWN, bin_portions, vote
 from hilbertvae.grids.frame import Frames, FrameSettings, cluster_frames
@@ -49,14 +50,23 @@ class GridSettings:
         return self.cluster_diameter_m / self.cells
 
 
-def find_frames(cloud: Cloud, settings: GridSettings, seed: int) -> Frames:
-    """Clusters of the cloud's occupied points, and their frames."""
+def cloud_clusters(cloud: Cloud, settings: GridSettings, seed: int) -> Clusters:
+    """Clusters of the cloud's occupied points."""
     returns = cloud.points[cloud.occupied]
     if not len(returns):
         raise InputError("cloud: expected occupied points to cluster, got none")
     radii_m = settings.cluster_diameter_m / 2, settings.inner_radius_m
-    clusters = find_clusters(returns, *radii_m, settings.minimum_points, seed, settings.start)
+    return find_clusters(returns, *radii_m, settings.minimum_points, seed, settings.start)
+
+
+def frames_of(clusters: Clusters, cloud: Cloud, settings: GridSettings) -> Frames:
+    """The frames of the cloud's clusters."""
     return cluster_frames(clusters, cloud, settings.cluster_diameter_m, settings.cell_m, settings.frame)
+
+
+def find_frames(cloud: Cloud, settings: GridSettings, seed: int) -> Frames:
+    """Clusters of the cloud's occupied points, and their frames."""
+    return frames_of(cloud_clusters(cloud, settings, seed), cloud, settings)
 
 
 def bin_grids(cloud: Cloud, frames: Frames, settings: GridSettings) -> np.ndarray:

@@ -5,14 +5,18 @@ A reconstructed grid is never resampled: the query is mapped into the frame and 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from hilbertvae.grids.aligned_grid import cell_index
 from hilbertvae.grids.frame import Frames
 
-CANDIDATES = 12
+CANDIDATES = {2: 12, 3: 24}
 """Frames near a patch that are tried for each query in it; a query that they can't settle is searched alone."""
+PATCHES = {2: 16, 3: 4}
+"""Patches along the longest reach of a box. In space queries lie so thinly that smaller ones would hold one query each."""
 NONE = -1
 
 
@@ -39,14 +43,18 @@ class FrameIndex:
         if not len(asked):
             return chosen
         queries = queries[asked]
-        size = self.reach_m / 16
+        dimension = queries.shape[1]
+        size = self.reach_m / PATCHES[dimension]
         patch = np.floor((queries - self.low) / size).astype(np.int64)
-        key = np.ravel_multi_index(tuple(patch.T), tuple(patch.max(axis=0) + 1))
-        _, first, member = np.unique(key, return_index=True, return_inverse=True)
+        lowest = patch.min(axis=0)
+        shape = tuple(patch.max(axis=0) - lowest + 1)
+        key = np.ravel_multi_index(tuple((patch - lowest).T), shape)
+        # As few bits as will do: numpy sorts 16 of them in one pass.
+        _, first, member = np.unique(key.astype(np.min_scalar_type(math.prod(shape))), return_index=True, return_inverse=True)
         middle = (patch[first] + 0.5) * size + self.low
-        slack = size * np.sqrt(queries.shape[1]) / 2
+        slack = size * np.sqrt(dimension) / 2
 
-        count = min(max(CANDIDATES, 2 * nearest), len(self.frames))
+        count = min(max(CANDIDATES[dimension], 2 * nearest), len(self.frames))
         candidate, beyond = self._nearest_to(middle, count)
         found, settled = self._choose(queries, candidate, member, beyond - slack, nearest)
         while not settled.all():
@@ -73,26 +81,47 @@ class FrameIndex:
         if self.frames.turned:
             turn = self.frames.rotation[candidate]
             moved = [sum(axis * turn[..., d, e][member] for d, axis in enumerate(moved)) for e in range(len(moved))]
+        inside = np.ones(distance.shape, bool)
         for axis in moved:
             axis /= scale
             # The lower side of a box belongs to it, the upper does not, as cells do.
-            distance[(axis < -0.5 - 1e-12) | (axis >= 0.5 - 1e-12)] = np.inf
-        order = np.argsort(distance, axis=1, kind="stable")[:, :nearest]
-        found = np.take_along_axis(distance, order, axis=1)
-        chosen = np.where(np.isfinite(found), candidate[member[:, None], order], NONE)
+            inside &= axis >= -0.5 - 1e-12
+            inside &= axis < 0.5 - 1e-12
+        distance[~inside] = np.inf
+        order, found = _nearest_first(distance, nearest)
+        chosen = np.where(np.isfinite(found), candidate.ravel()[order + (member * candidate.shape[1])[:, None]], NONE)
         if chosen.shape[1] < nearest:
             chosen = np.pad(chosen, ((0, 0), (0, nearest - chosen.shape[1])), constant_values=NONE)
             return chosen, np.isinf(beyond[member])
         return chosen, np.minimum(found[:, -1], self.reach_m) < beyond[member]
 
 
+def _nearest_first(distance: np.ndarray, nearest: int) -> tuple[np.ndarray, np.ndarray]:
+    """(Q, nearest) the columns of the least of each row of `distance (Q, C)`, and these; of two equal ones the lower column comes first."""
+    order = np.argsort(distance, axis=1)[:, : nearest + 1]
+    start = np.arange(0, distance.size, distance.shape[1])[:, None]
+    found = distance.ravel()[order + start]
+    # A stable sort takes three times as long, and few rows need one.
+    tied = np.flatnonzero(((found[:, 1:] == found[:, :-1]) & (found[:, 1:] < np.inf)).any(axis=1))
+    order[tied] = np.argsort(distance[tied], axis=1, kind="stable")[:, : nearest + 1]
+    return order[:, :nearest], found[:, :nearest]
+
+
 def kernel(grids: np.ndarray, frames: Frames, queries: np.ndarray, holding: np.ndarray) -> np.ndarray:
     """Eq. 7 for Eq. 8: (Q, K) values of `grids (M, n, ..., n)` at `queries (Q, D)`, in the grids `holding (Q, K)`; 0 for `NONE`."""
-    cells = grids.shape[1]
-    values = np.zeros(holding.shape, np.float32)
+    return kernels([grids], frames, queries, holding)[0]
+
+
+def kernels(several: list[np.ndarray], frames: Frames, queries: np.ndarray, holding: np.ndarray) -> list[np.ndarray]:
+    """`kernel` of each of several grids of one size, whose cells are found once."""
+    cells = several[0].shape[1]
     query, rank = np.nonzero(holding != NONE)
     frame = holding[query, rank]
     cell, inside = cell_index(frames, queries[query], frame, cells)
-    flat = grids.reshape(len(grids), cells ** queries.shape[1])
-    values[query[inside], rank[inside]] = flat[frame[inside], cell[inside]]
-    return values
+    cell += frame * cells ** queries.shape[1]
+    found = []
+    for grids in several:
+        values = np.zeros(holding.shape, np.float32)
+        values[query[inside], rank[inside]] = grids.reshape(-1)[cell[inside]]
+        found.append(values)
+    return found

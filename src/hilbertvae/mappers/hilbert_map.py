@@ -15,9 +15,11 @@ from sklearn.utils.validation import check_is_fitted
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
-from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
-from hilbertvae.grids.kernel import NONE, FrameIndex, kernel
+from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, cloud_clusters, frames_of
+from hilbertvae.grids.kernel import NONE, FrameIndex, kernels
 from hilbertvae.mappers.evidence import Evidence
+from hilbertvae.mappers.growing_mapper import GrowingMapper
+from hilbertvae.mappers.map_arrays import map_arrays
 from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
 from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, levelled, unit_weights
 from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
@@ -30,7 +32,7 @@ SHOWN_FROM = 0.1
 """How likely a cell has to be known to be shown in full."""
 
 
-class HilbertMap(Mapper):
+class HilbertMap(GrowingMapper):
     """A Hilbert Map whose features are grids, reconstructed by a network if there is one.
 
     Parameters
@@ -41,9 +43,12 @@ class HilbertMap(Mapper):
     neighbours: K, how many grids answer a query. `rank` weights belong to one K and are learned anew for another (`calibration.py`).
     inner_radius_m: how far clusters stand apart; as in training unless given.
     flips: symmetries over which a reconstruction is averaged, 1, 2, 4 or 8; `FLIPS` of the dimension unless given.
+    fill: without, there are no grids, and the map has what was observed alone.
     evidence: whether what was observed in a query's voxel is added; the paper's own map knows only its grids.
     grid, resolution_m: as the network was trained, unless given.
     """
+
+    _index = None
 
     def __init__(
         self,
@@ -54,6 +59,7 @@ class HilbertMap(Mapper):
         inner_radius_m: float | None = None,
         flips: int | None = None,
         evidence: bool = True,
+        fill: bool = True,
         ridge: float = 30.0,
         grid: GridSettings | None = None,
         resolution_m: float | None = None,
@@ -67,6 +73,7 @@ class HilbertMap(Mapper):
         self.inner_radius_m = inner_radius_m
         self.flips = flips
         self.evidence = evidence
+        self.fill = fill
         self.ridge = ridge
         self.grid = grid
         self.resolution_m = resolution_m
@@ -74,41 +81,58 @@ class HilbertMap(Mapper):
         self.device = device
 
     def _fit(self, points, occupied, weight):
+        cloud = Cloud(points, occupied, weight)
+        self._start(cloud)
+        clusters = cloud_clusters(cloud if self.fill else cloud.select(slice(0)), self.grid_, self.seed)
+        self.seeds_, self.frames_ = clusters.seeds, frames_of(clusters, cloud, self.grid_)
+        self.factors_ = self._cluster_factors(cloud) if self.weights == "cluster" and len(self.frames_) else None
+        completed = self._complete(bin_grids(cloud, self.frames_, self.grid_))
+        self.grids_, self.known_ = completed.value, completed.known
+
+    @property
+    def index_(self) -> FrameIndex:
+        """Finds the boxes that hold a query; made when first asked for, since scans alter the boxes."""
+        if self._index is None or self._index.frames is not self.frames_:
+            self._index = FrameIndex(self.frames_)
+        return self._index
+
+    def _start(self, cloud: Cloud) -> None:
+        """Check the settings for clouds like this one, and begin a map with what it observed."""
         network = self.reconstructor
-        dimension = points.shape[1]
+        dimension = cloud.points.shape[1]
         if dimension not in (2, 3):
             raise InputError(f"points: expected 2 or 3 coordinates, got {dimension}")
-        if network is not None and network.dimension != dimension:
-            raise InputError(f"points: the network is for {network.dimension}D, got {dimension}D points")
-        if isinstance(self.neighbours, bool) or not isinstance(self.neighbours, (int, np.integer)) or self.neighbours < 1:
-            raise InputError(f"neighbours: expected a whole number of at least 1, got {self.neighbours!r}")
+        self._check_network(dimension)
         self.flips_ = FLIPS[dimension] if self.flips is None else self.flips
-        if self.flips_ not in (1, 2, 4, 8):
-            raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips!r}")
+        self.check_settings()
         self.grid_ = self.grid or (network.grid if network else GridSettings())
         if self.inner_radius_m is not None:
             self.grid_ = replace(self.grid_, inner_radius_m=self.inner_radius_m)
             self.grid_.check()
         resolution_m = self.resolution_m or (network.resolution_m if network else RESOLUTION_M[dimension])
-        cloud = Cloud(points, occupied, weight)
-        self.evidence_ = Evidence(points, occupied, weight, resolution_m)
+        self.evidence_ = Evidence(cloud.points, cloud.occupied, cloud.weight, resolution_m)
         self.rank_weights_ = self._rank_weights()
-        self.frames_ = find_frames(cloud, self.grid_, self.seed)
-        self.index_ = FrameIndex(self.frames_)
-        self.factors_ = self._cluster_factors(cloud, resolution_m) if self.weights == "cluster" and len(self.frames_) else None
-        completed = self._complete(bin_grids(cloud, self.frames_, self.grid_))
-        self.grids_, self.known_ = completed.value, completed.known
+        self.small_seeds_ = self._growing = None
+
+    def check_settings(self) -> None:
+        """An `InputError` that names the setting which no map can have."""
+        if isinstance(self.neighbours, bool) or not isinstance(self.neighbours, (int, np.integer)) or self.neighbours < 1:
+            raise InputError(f"neighbours: expected a whole number of at least 1, got {self.neighbours!r}")
+        if self.flips_ not in (1, 2, 4, 8):
+            raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips_!r}")
+        if self.weights not in ("unit", "rank", "cluster"):
+            raise InputError(f"weights: expected unit, rank or cluster, got {self.weights!r}")
+        if self.calibration not in ("voxels", "points"):
+            raise InputError(f"calibration: expected voxels or points, got {self.calibration!r}")
+
+    def _check_network(self, dimension: int) -> None:
+        if self.reconstructor is not None and self.reconstructor.dimension != dimension:
+            raise InputError(f"points: the network is for {self.reconstructor.dimension}D, got {dimension}D points")
 
     def _rank_weights(self) -> RankWeights:
-        if self.weights == "unit":
-            return unit_weights(self.neighbours, self.evidence_.feature_count)
-        if self.weights not in ("rank", "cluster"):
-            raise InputError(f"weights: expected unit, rank or cluster, got {self.weights!r}")
         learned = self.reconstructor.weights if self.reconstructor else {}
-        if self.calibration not in learned:
-            if self.calibration not in ("voxels", "points"):
-                raise InputError(f"calibration: expected voxels or points, got {self.calibration!r}")
-            return unit_weights(self.neighbours, self.evidence_.feature_count)  # a network whose weights were never learned; raw grids
+        if self.weights == "unit" or self.calibration not in learned:  # never learned, or raw grids
+            return unit_weights(self.neighbours, self.evidence_.feature_count)
         weights = RankWeights.from_plain(learned[self.calibration])
         if len(weights.unseen) != self.neighbours + 1:
             raise InputError(f"neighbours: the weights were learned for {len(weights.unseen) - 1}, got {self.neighbours}")
@@ -121,14 +145,14 @@ class HilbertMap(Mapper):
             return Completion(grids, None)
         return self.reconstructor.complete(grids, self.flips_, device=self.device)
 
-    def _cluster_factors(self, cloud: Cloud, resolution_m: float) -> np.ndarray:
+    def _cluster_factors(self, cloud: Cloud) -> np.ndarray:
         """The `cluster` rule's factors, from gaps hidden from the network for this fit alone: else copying would look like skill."""
-        gaps = random_gaps(cloud, HIDDEN_GAP_M, resolution_m, seed=self.seed)
+        gaps = random_gaps(cloud, HIDDEN_GAP_M, self.evidence_.resolution_m, seed=self.seed)
         part = gaps.part(cloud.points)
         hidden = bin_grids(cloud.select(part == OUTSIDE), self.frames_, self.grid_)
         target = cloud.select(part != OUTSIDE)
         holding = self.index_.holding(target.points, self.neighbours)
-        values = kernel(self._complete(hidden).value, self.frames_, target.points, holding)
+        (values,) = kernels([self._complete(hidden).value], self.frames_, target.points, holding)
         held = (holding != NONE).sum(axis=1)
         weights = self.rank_weights_
         if weights.level:
@@ -140,19 +164,14 @@ class HilbertMap(Mapper):
         """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, and the evidence
         (S, F) of those whose was."""
         holding = self.index_.holding(queries, self.neighbours)
-        values = kernel(self.grids_, self.frames_, queries, holding)
+        return self._features(queries, holding, *kernels([self.grids_], self.frames_, queries, holding))
+
+    def _features(self, queries, holding, values):
         if self.factors_ is not None:
             values *= np.where(holding != NONE, self.factors_[holding], 0.0)
         voxel = self.evidence_.find(queries) if self.evidence else np.full(len(queries), NONE)
         seen = voxel != NONE
         return values, (holding != NONE).sum(axis=1), seen, self.evidence_.features(queries[seen], voxel[seen])
-
-    def _mean_known(self, grids: np.ndarray | None, queries: np.ndarray, holding: np.ndarray) -> np.ndarray:
-        """(Q,) the mean over the boxes that hold each query; 1 in any box of a network that does not say, and 0 outside of all."""
-        held = (holding != NONE).sum(axis=1)
-        if grids is None:
-            return (held > 0).astype(np.float32)
-        return kernel(grids, self.frames_, queries, holding).sum(axis=1) / (255 * np.maximum(held, 1))
 
     def _probability(self, queries):
         return expit(self.rank_weights_.logit(*self.features(queries)))
@@ -162,8 +181,15 @@ class HilbertMap(Mapper):
 
         `predict_proba` is p if the cell is known, which is what can be scored; inside walls and below the ground that is an idle guess.
         """
-        fade = np.minimum(self.known(queries) / SHOWN_FROM, 1.0)
-        plain = self.predict_proba(queries)[:, 1]
+        check_is_fitted(self)
+        return answer_in_chunks(self._faded, self._checked(queries), self.chunk)
+
+    def _faded(self, queries):
+        holding = self.index_.holding(queries, self.neighbours)
+        grids = [self.grids_] if self.known_ is None else [self.grids_, self.known_]
+        values, *said = kernels(grids, self.frames_, queries, holding)  # in one pass, since both are read at the same cells
+        plain = expit(self.rank_weights_.logit(*self._features(queries, holding, values)))
+        fade = np.minimum(self._known_or_seen(queries, holding, said) / SHOWN_FROM, 1.0)
         return np.where(fade < 1.0, 0.5 + (plain - 0.5) * fade, plain)
 
     def predict_std(self, queries) -> np.ndarray:
@@ -189,6 +215,11 @@ class HilbertMap(Mapper):
         check_is_fitted(self)
         return len(self.frames_)
 
+    def stored_bytes(self) -> int:
+        """As a file, but for its header."""
+        check_is_fitted(self)
+        return sum(array.nbytes for array in map_arrays(self).values())
+
     def known(self, queries) -> np.ndarray:
         """(Q,) how likely it is that scans of this place would see the cell of each query at all: 1 where they did, 0 far from all that
         they saw, little inside walls and below the ground. A network that was not taught this says 1 wherever a grid of it reaches."""
@@ -196,10 +227,17 @@ class HilbertMap(Mapper):
         return answer_in_chunks(self._known, self._checked(queries), self.chunk)
 
     def _known(self, queries):
-        found = self._mean_known(self.known_, queries, self.index_.holding(queries, self.neighbours))
-        return np.where(self.evidence_.find(queries) != NONE, 1.0, found)
+        holding = self.index_.holding(queries, self.neighbours)
+        said = [] if self.known_ is None else kernels([self.known_], self.frames_, queries, holding)
+        return self._known_or_seen(queries, holding, said)
+
+    def _known_or_seen(self, queries, holding, said):
+        """The mean over the boxes that hold a query; 1 in any box of a network that does not say, and 0 outside of all."""
+        held = (holding != NONE).sum(axis=1)
+        known = said[0].sum(axis=1) / (255 * np.maximum(held, 1)) if said else (held > 0).astype(np.float32)
+        return np.where(self.evidence_.find(queries) != NONE, 1.0, known)
 
     def observed(self, queries) -> np.ndarray:
         """(Q,) bool: whether the voxel of each query was observed."""
         check_is_fitted(self)
-        return self.evidence_.find(self._checked(queries)) >= 0
+        return self.evidence_.find(Mapper._checked(self, queries)) >= 0  # no grid is asked

@@ -92,16 +92,28 @@ class Mapper(ClassifierMixin, BaseEstimator):
         Raises `InputError` (a ValueError) for an empty cloud, NaN, a wrong shape, or one class only.
         """
         points, y, weight = self._checked_cloud(points, y, sample_weight)
-        self.classes_, label = np.unique(y, return_inverse=True)
-        if len(self.classes_) > 2:
-            raise InputError(f"y: Only binary classification is supported, got {len(self.classes_)} labels; expected free and occupied")
-        if len(self.classes_) < 2:
-            if self.needs_both_classes or self.classes_.dtype != bool:
-                raise InputError(f"y: expected both free and occupied points, got one class only: {self.classes_.tolist()}")
-            label = self.classes_[label].astype(int)
-            self.classes_ = np.array([False, True])
-        self._fit(points, label.astype(bool), weight)
+        self._fit(points, self._learn_labels(y, self.needs_both_classes), weight)
         return self
+
+    def _learn_labels(self, y: np.ndarray, both: bool) -> np.ndarray:
+        """(N,) bool: whether each label `y (N,)` is the greater of the two that there are, kept as `classes_`. One alone is enough unless
+        `both` are needed, but only False or True says by itself which of them it is."""
+        classes, label = np.unique(y, return_inverse=True)
+        if len(classes) > 2:
+            raise InputError(f"y: Only binary classification is supported, got {len(classes)} labels; expected free and occupied")
+        if len(classes) < 2:
+            if both or classes.dtype != bool:
+                raise InputError(f"y: expected both free and occupied points, got one class only: {classes.tolist()}")
+            classes, label = np.array([False, True]), classes[label]
+        self.classes_ = classes
+        return label.astype(bool)
+
+    def _known_labels(self, y: np.ndarray) -> np.ndarray:
+        """(N,) bool: which of `classes_` each label `y (N,)` is; an `InputError` for any other."""
+        strange = np.unique(y[~np.isin(y, self.classes_)])
+        if len(strange):
+            raise InputError(f"y: expected labels {self.classes_.tolist()}, as before, got {strange[:4].tolist()}")
+        return y == self.classes_[1]
 
     def predict_proba(self, queries) -> np.ndarray:
         """(Q, 2) float64: the probabilities of free and of occupied at `queries (Q, D)`, each answered alone."""
@@ -128,9 +140,9 @@ class Mapper(ClassifierMixin, BaseEstimator):
         """Of how many clusters, or centres of features, the fitted map is made; None for one that has no such thing."""
         return None
 
-    def _checked_cloud(self, points, y, sample_weight):
+    def _checked_cloud(self, points, y, sample_weight, first: bool = True):
         try:
-            points, y = validate_data(self, points, y, dtype=np.float64)
+            points, y = validate_data(self, points, y, dtype=np.float64, reset=first)
             check_classification_targets(y)
             weight = _check_sample_weight(sample_weight, points, dtype=np.float64, ensure_non_negative=True)
         except ValueError as error:

@@ -62,7 +62,7 @@ class RankWeights:
     @classmethod
     def from_plain(cls, plain: dict) -> RankWeights:
         """The inverse of `plain`; an `InputError` for weights of another version."""
-        if sorted(plain) != sorted((*NAMES, "level")):
+        if sorted(plain) != sorted((*NAMES, "level")) or not isinstance(plain["level"], bool):
             wanted = ", ".join((*NAMES, "level"))
             raise InputError(f"checkpoint: expected Hilbert Map's weights {wanted}, got {', '.join(plain)}; learned by another version")
         return cls(*(np.asarray(plain[name], float) for name in NAMES), bool(plain["level"]))

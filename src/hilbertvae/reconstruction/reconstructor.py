@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from dataclasses import asdict, dataclass, field
@@ -74,6 +75,15 @@ class Reconstructor:
     def reconstruct(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> np.ndarray:
         """float32 kernel values (M, n, ..., n): those of `complete`, alone."""
         return self.complete(grids, flips, batch, device).value.astype(np.float32)
+
+    def fingerprint(self) -> str:
+        """The sha256, in hex, of all that a completion depends on; how the weights were stored is no part of it."""
+        made_of = [asdict(self.network_settings), asdict(self.likelihood), self.grid.cells, self.dimension]
+        digest = hashlib.sha256(json.dumps(made_of, sort_keys=True).encode())
+        for name, tensor in sorted(self.network.state_dict().items()):
+            digest.update(f"{name} {tuple(tensor.shape)} {tensor.dtype}".encode())
+            digest.update(tensor.detach().cpu().contiguous().flatten().view(torch.uint8).numpy())
+        return digest.hexdigest()
 
     def save(self, path: str | os.PathLike, packed: bool = False) -> Path:
         """One safetensors file with the weights, `packed` at a quarter of their size, and everything else as JSON in its header."""

@@ -1,0 +1,80 @@
+"""A map of grids that is fitted scan by scan: the part of the Hilbert Map that knows how it grows."""
+
+from __future__ import annotations
+
+import numpy as np
+from sklearn.utils.validation import check_is_fitted
+
+from hilbertvae.checks import InputError
+from hilbertvae.cloud import Cloud
+from hilbertvae.grids.frame import Frames
+from hilbertvae.mappers.growing_clusters import GrowingClusters
+from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reconstruction.reconstructor import Completion
+
+
+class GrowingMapper(Mapper):
+    """Base of `HilbertMap`, which has `_start`, `_check_network` and `_complete`; `fit` and `load_map` set the same attributes as this."""
+
+    _growing: GrowingClusters | None = None
+
+    def partial_fit(self, points, occupied, sample_weight=None, reconstruct=True):
+        """Add a scan to the map, or begin one, and reconstruct the clusters that it touches. Arguments as of `fit`; one class is enough.
+
+        Give each scan as `cloud_from_scans` makes it: a voxel's points count as one at their mean, so that scans add up to the `fit` cloud
+        of all of them, and grids to those that `fit` would make in the same boxes. A return farther than the inner radius from every
+        seed becomes a seed, whatever `grid.start` says.
+
+        With `reconstruct=False` queries reconstruct what they need of it: the boxes that answer them, for all scans since. No other thread
+        may ask meanwhile, here or there. Raises `InputError` as `fit` does, for labels that the map does not know, and with
+        `weights="cluster"`, which are fitted on a whole site.
+        """
+        if self.weights == "cluster":
+            raise InputError("weights: expected unit or rank for partial_fit, got 'cluster', which are fitted on a whole site")
+        if not self.fill:
+            raise InputError("fill: expected a map that fills gaps for partial_fit; fit one without grids on all scans")
+        first = not hasattr(self, "grids_")
+        points, occupied, weight = self._checked_cloud(points, occupied, sample_weight, first)
+        self._check_network(points.shape[1])  # a loaded map's is looked for now, before anything is altered
+        if first:
+            cloud = Cloud(points, self._learn_labels(occupied, both=False), weight)
+            self._start_empty(cloud.select(slice(0)))
+        else:
+            cloud = Cloud(points, self._known_labels(occupied), weight)
+        if self._growing is None:
+            completed = Completion(self.grids_, self.known_)
+            self._growing = GrowingClusters(self.evidence_, self.grid_, self.seed, self.seeds_, self.frames_, completed, self.small_seeds_)
+        growing = self._growing
+        growing.add(cloud)
+        self.seeds_, self.small_seeds_, self.frames_ = growing.seeds, growing.small_seeds, growing.frames
+        self.grids_, self.known_ = growing.completed.value, growing.completed.known
+        return self.settle() if reconstruct else self
+
+    def settle(self, queries: np.ndarray | None = None):
+        """Reconstruct what scans have changed; given `queries (Q, D)`, only the boxes that answer them, as each query does by itself."""
+        check_is_fitted(self)
+        if self._growing is None or not self._growing.stale.any():
+            return self
+        wanted = None
+        if queries is not None:
+            asked = np.zeros(len(self.frames_) + 1, bool)  # the last for queries that fewer boxes hold
+            for start in range(0, len(queries), self.chunk):
+                asked[self.index_.holding(queries[start : start + self.chunk], self.neighbours)] = True
+            wanted = asked[:-1]
+        self._growing.settle(self._complete, wanted)
+        self.grids_, self.known_ = self._growing.completed.value, self._growing.completed.known  # a pickle's are copies
+        return self
+
+    def _start_empty(self, cloud: Cloud) -> None:
+        """A map without anything in it, for clouds like the empty one given."""
+        self._start(cloud)
+        dimension = cloud.points.shape[1]
+        completed = self._complete(np.empty((0, *(self.grid_.cells,) * dimension), np.int8))
+        self.seeds_, self.factors_ = np.empty((0, dimension)), None
+        self.frames_ = Frames(self.seeds_, np.empty((0, dimension, dimension)), np.empty(0))
+        self.grids_, self.known_ = completed.value, completed.known
+
+    def _checked(self, queries):
+        queries = super()._checked(queries)
+        self.settle(queries)
+        return queries

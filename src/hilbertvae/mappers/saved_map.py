@@ -1,0 +1,173 @@
+"""A fitted map as one file, and back: safetensors, with all that is no array as JSON in its header. Nothing in it is ever executed."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+from sklearn.utils.validation import check_is_fitted
+
+from hilbertvae.checks import InputError, check_positive
+from hilbertvae.files import atomic
+from hilbertvae.grids.cluster_grids import GridSettings
+from hilbertvae.grids.frame import Frames, FrameSettings
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.map_arrays import EVIDENCE, map_arrays
+from hilbertvae.mappers.saved_evidence import evidence_of
+from hilbertvae.mappers.weights import NAMES, RankWeights, unit_weights
+from hilbertvae.reconstruction.recorded_network import RecordedNetwork
+
+FORMAT = "hilbertvae-map-1"
+SETTINGS = ("weights", "calibration", "neighbours", "inner_radius_m", "flips", "evidence", "fill", "ridge", "resolution_m", "seed")
+"""Of the mapper's own; its network is known by a fingerprint, and a device belongs to a machine."""
+LARGEST_SCALE = 4.0
+"""Times the diameter of a cluster: no frame makes a larger box."""
+
+
+def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
+    """Write a fitted mapper as one file that `load_map` reads back, to the bit.
+
+    It holds grids and evidence, and not the network, of which a fingerprint is enough for those that come with the package. 2D maps take
+    3 bytes per cell of a grid and about 12 per voxel seen, 3D maps about 16 per voxel. Raises `InputError` for any other mapper.
+    """
+    if not isinstance(mapper, HilbertMap):
+        raise InputError(f"{path}: expected a HilbertMap to save, got {type(mapper).__name__}")
+    check_is_fitted(mapper)
+    mapper.settle()
+    described = {
+        "mapper": {**{name: getattr(mapper, name) for name in SETTINGS}, "grid": None if mapper.grid is None else asdict(mapper.grid)},
+        "dimension": mapper.n_features_in_,
+        "classes": mapper.classes_.tolist(),
+        "grid": asdict(mapper.grid_),
+        "resolution_m": mapper.evidence_.resolution_m,
+        "flips": mapper.flips_,
+        "rank_weights": mapper.rank_weights_.plain(),
+        "network": None if mapper.reconstructor is None else mapper.reconstructor.fingerprint(),
+    }
+    metadata = {"format": FORMAT, "settings": json.dumps(described, sort_keys=True, default=lambda number: number.item())}
+    with atomic(path) as temporary:
+        save_file({name: np.ascontiguousarray(array) for name, array in map_arrays(mapper).items()}, temporary, metadata=metadata)
+    return Path(path)
+
+
+def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = None, device: str = "cpu") -> HilbertMap:
+    """The fitted mapper that `save_map` wrote: it answers as the saved one did, to the bit, and needs no network for that.
+
+    checkpoint: the network that it was made with, for `partial_fit` and `fit`; it is looked for among those that come with the package
+    unless given, and only when it is needed. Raises `InputError` for a file that is missing, damaged or not ours.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: expected a map, found no file")
+    try:
+        with safe_open(path, framework="np") as file:
+            metadata = file.metadata() or {}
+            found = str(metadata.get("format"))
+            if found != FORMAT:
+                raise InputError(_another(found))
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
+        return _restored(json.loads(metadata["settings"]), arrays, checkpoint, device)
+    except (SafetensorError, OSError) as error:
+        raise InputError(f"{path}: not a map of hilbertvae, or damaged ({error}); expected a file that save_map wrote") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RecursionError) as error:
+        raise InputError(f"{path}: the map's settings and arrays don't fit together ({error!r})") from error
+
+
+def _another(found: str) -> str:
+    if found.startswith("hilbertvae-map-"):
+        return f"a map of another version ({found[:40]}), expected {FORMAT}"
+    if found.startswith("hilbertvae-reconstructor-"):
+        return "a network, which load_mapper reads; expected a map that save_map wrote"
+    return f"a safetensors file, but not a map of hilbertvae (format {found[:40]!r}, expected {FORMAT!r})"
+
+
+def _restored(described: dict, arrays: dict[str, np.ndarray], checkpoint: str | os.PathLike | None, device: str) -> HilbertMap:
+    settings = dict(described["mapper"])
+    own_grid = settings.pop("grid")
+    if set(settings) != set(SETTINGS):
+        raise InputError(f"settings: expected {', '.join(SETTINGS)}, got {', '.join(sorted(settings))[:200]}")
+    network = None if described["network"] is None else RecordedNetwork(str(described["network"]), checkpoint)
+    mapper = HilbertMap(network, **settings, grid=None if own_grid is None else _grid(own_grid), device=device)
+    dimension = described["dimension"]
+    if dimension not in (2, 3) or not isinstance(dimension, int):
+        raise InputError(f"dimension: expected 2 or 3, got {str(dimension)[:40]}")
+    mapper.grid_, mapper.flips_ = _grid(described["grid"]), described["flips"]
+    mapper.check_settings()
+    evidence = {name.removeprefix(EVIDENCE): array for name, array in arrays.items() if name.startswith(EVIDENCE)}
+    mapper.evidence_ = evidence_of(evidence, dimension, check_positive(described["resolution_m"], "resolution_m"))
+    mapper.rank_weights_ = _rank_weights(described["rank_weights"], mapper)
+    mapper.n_features_in_, mapper.classes_ = dimension, _classes(described["classes"])
+    _put_clusters(mapper, {name: array for name, array in arrays.items() if not name.startswith(EVIDENCE)})
+    return mapper
+
+
+def _put_clusters(mapper: HilbertMap, arrays: dict[str, np.ndarray]) -> None:
+    """Check the arrays of clusters and their grids, and put them in their places."""
+    count, dimension, grid = len(arrays["seeds"]), mapper.n_features_in_, mapper.grid_
+    cells = (count, *(grid.cells,) * dimension)
+    raw = mapper.reconstructor is None
+    shapes = {
+        "seeds": (np.float64, (count, dimension)),
+        "small_seeds": (np.float64, (len(arrays.get("small_seeds", ())), dimension)),
+        "centre": (np.float64, (count, dimension)),
+        "scale": (np.float64, (count,)),
+        "rotation": (np.float64, (count, dimension, dimension)),
+        "grids": (np.int8 if raw else np.float16, cells),
+        "known": (np.uint8, cells),
+        "factors": (np.float64, (count,)),
+    }
+    if set(arrays) - set(shapes):
+        raise InputError(f"expected arrays {', '.join(shapes)}, got {', '.join(sorted(set(arrays) - set(shapes)))[:200]}")
+    for name, array in arrays.items():
+        kind, shape = shapes[name]
+        if array.dtype != kind or array.shape != shape:
+            raise InputError(f"{name}: expected {np.dtype(kind)} {shape}, got {array.dtype} {array.shape}")
+        if not np.isfinite(array).all():
+            raise InputError(f"{name}: expected finite numbers, got NaN or inf")
+    if raw and not (np.abs(arrays["grids"]) <= 1).all():
+        raise InputError("grids: expected -1, 0 and 1")
+    low, high = mapper.evidence_.bounds()
+    reach = grid.cluster_diameter_m * LARGEST_SCALE
+    for name in ("seeds", "small_seeds", "centre"):
+        if name in arrays and not ((arrays[name] >= low - reach) & (arrays[name] <= high + reach)).all():
+            raise InputError(f"{name}: expected places in what was observed, {low.tolist()} to {high.tolist()} m")
+    if not ((arrays["scale"] > 0) & (arrays["scale"] <= reach)).all():
+        raise InputError(f"scale: expected at most {reach} m, and more than 0")
+    turn = arrays.get("rotation", np.broadcast_to(np.eye(dimension), (count, dimension, dimension)))
+    if not np.allclose(np.einsum("mde,mdf->mef", turn, turn), np.eye(dimension), atol=1e-6):
+        raise InputError("rotation: expected rotations")
+    mapper.frames_ = Frames(arrays["centre"], turn, arrays["scale"])
+    mapper.seeds_, mapper.small_seeds_ = arrays["seeds"], arrays.get("small_seeds")
+    mapper.grids_, mapper.known_, mapper.factors_ = arrays["grids"], arrays.get("known"), arrays.get("factors")
+
+
+def _grid(values: dict) -> GridSettings:
+    grid = GridSettings(**{**values, "frame": FrameSettings(**values["frame"])})
+    if isinstance(grid.cells, bool) or not isinstance(grid.cells, int):
+        raise InputError(f"grid.cells: expected a whole number, got {grid.cells!r}")
+    grid.check()
+    return grid
+
+
+def _rank_weights(plain: dict, mapper: HilbertMap) -> RankWeights:
+    weights = RankWeights.from_plain(plain)
+    # Unit weights have the shapes of any.
+    wanted = unit_weights(mapper.neighbours, mapper.evidence_.feature_count)
+    for name in NAMES:
+        found, shape = getattr(weights, name), getattr(wanted, name).shape
+        if found.shape != shape or not np.isfinite(found).all():
+            raise InputError(f"rank_weights.{name}: expected {shape} finite numbers, got shape {found.shape}")
+    return weights
+
+
+def _classes(values: list) -> np.ndarray:
+    if not isinstance(values, list) or len(values) != 2 or len({type(value) for value in values}) != 1 or not values[0] < values[1]:
+        raise InputError(f"classes: expected two labels in order, got {str(values)[:100]}")
+    return np.array(values)

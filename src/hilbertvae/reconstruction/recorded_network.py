@@ -1,0 +1,60 @@
+"""The network that a saved map was made with: looked for when it is first needed, since answers need none."""
+
+from __future__ import annotations
+
+import os
+from functools import cached_property
+
+import numpy as np
+
+from hilbertvae.checks import InputError
+from hilbertvae.grids.cluster_grids import GridSettings
+from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
+from hilbertvae.reconstruction.shipped import SHIPPED
+
+
+class RecordedNetwork:
+    """Stands for the `Reconstructor` with a fingerprint: that in `checkpoint`, or one of those that come with the package.
+
+    Raises `InputError` when it is needed and there is none, or when the checkpoint holds another one.
+    """
+
+    def __init__(self, fingerprint: str, checkpoint: str | os.PathLike | None = None):
+        self._fingerprint, self._checkpoint = fingerprint, checkpoint
+
+    @cached_property
+    def _found(self) -> Reconstructor:
+        for name in [self._checkpoint] if self._checkpoint is not None else SHIPPED:
+            network = Reconstructor.load(name)
+            if network.fingerprint() == self._fingerprint:
+                return network
+        if self._checkpoint is not None:
+            raise InputError(f"{self._checkpoint}: expected the network that the map was made with, got another one")
+        raise InputError(
+            "the map was made with a network that does not come with this version of hilbertvae; to go on with it, give its file: "
+            "load_map(path, checkpoint=...)"
+        )
+
+    def fingerprint(self) -> str:
+        """That of the network."""
+        return self._fingerprint
+
+    @property
+    def dimension(self) -> int:
+        return self._found.dimension
+
+    @property
+    def grid(self) -> GridSettings:
+        return self._found.grid
+
+    @property
+    def resolution_m(self) -> float:
+        return self._found.resolution_m
+
+    @property
+    def weights(self) -> dict:
+        return self._found.weights
+
+    def complete(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> Completion:
+        """As `Reconstructor.complete`."""
+        return self._found.complete(grids, flips, batch, device)

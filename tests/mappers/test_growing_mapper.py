@@ -1,0 +1,245 @@
+"""Maps that are fitted scan by scan, against the batch on the same clusters."""
+
+import pickle
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+from sklearn.base import clone
+
+from hilbertvae.checks import InputError
+from hilbertvae.cloud import fit_cloud
+from hilbertvae.clusters.clusters import Clusters, search_tree
+from hilbertvae.grids.cluster_grids import bin_grids, frames_of
+from hilbertvae.grids.frame import FrameSettings
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.weights import RankWeights
+from toy_rooms import tiny_grid, tiny_reconstructor
+
+
+def clouds(place, every=1):
+    """The `fit` cloud of each scan."""
+    scans = place.scans
+    return [fit_cloud(scans.select(scans.scan == k), place.resolution_m) for k in np.unique(scans.scan)[::every]]
+
+
+def add(mapper, cloud, **how):
+    return mapper.partial_fit(cloud.points, cloud.occupied, cloud.weight, **how)
+
+
+def streamed(mapper, parts, **how):
+    for part in parts:
+        add(mapper, part, **how)
+    return mapper.settle()
+
+
+def network(dimension):
+    made = tiny_reconstructor(dimension)
+    rng = np.random.default_rng(0)
+    made.weights = {"voxels": RankWeights(rng.uniform(0.1, 1, 6), rng.uniform(-0.3, 0.3, 15), rng.uniform(0.1, 1, 6)).plain()}
+    return made
+
+
+def queries_of(place, count=400):
+    low, high = place.fit.points.min(axis=0) - 1, place.fit.points.max(axis=0) + 1
+    return np.random.default_rng(0).uniform(low, high, (count, place.dimension))
+
+
+def answers(mapper, queries):
+    return [getattr(mapper, ask)(queries) for ask in ("predict_proba", "predict_map", "predict_std", "known", "observed")]
+
+
+def test_after_all_scans_grids_are_those_of_the_batch(place):
+    """In the same boxes, to the bit: what is shown to the network, and what it makes of that."""
+    whole = fit_cloud(place.scans, place.resolution_m)
+    raw = streamed(HilbertMap(weights="unit", grid=tiny_grid(place.dimension)), clouds(place))
+    np.testing.assert_array_equal(raw.grids_, bin_grids(whole, raw.frames_, raw.grid_))
+    made = network(place.dimension)
+    mapper = streamed(HilbertMap(made), clouds(place))
+    expected = made.complete(bin_grids(whole, mapper.frames_, mapper.grid_), mapper.flips_)
+    np.testing.assert_allclose(mapper.grids_, expected.value, rtol=1e-2, atol=1e-3)
+    np.testing.assert_allclose(mapper.known_.astype(int), expected.known, rtol=0, atol=1)
+    assert len(mapper.frames_) > 10
+
+
+def test_answers_are_those_of_a_batch_map_with_the_same_clusters(place):
+    whole = fit_cloud(place.scans, place.resolution_m)
+    mapper = streamed(HilbertMap(network(place.dimension)), clouds(place))
+    batch = HilbertMap(network(place.dimension)).fit(whole.points, whole.occupied, whole.weight)
+    batch.frames_, batch.seeds_, batch.grids_, batch.known_ = mapper.frames_, mapper.seeds_, mapper.grids_, mapper.known_
+    for ours, theirs in zip(answers(mapper, queries_of(place)), answers(batch, queries_of(place)), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("frame", [FrameSettings("median", "full", "extent"), FrameSettings("seed", "yaw", "fixed")])
+def test_frames_that_follow_their_returns_follow_new_ones(place, frame):
+    grid = tiny_grid(place.dimension)
+    grid.frame = frame
+    mapper = streamed(HilbertMap(weights="unit", grid=grid), clouds(place, every=2))
+    cloud = mapper.evidence_.cloud()
+    found = Clusters(mapper.seeds_, search_tree(cloud.points[cloud.occupied]), grid.cluster_diameter_m / 2)
+    expected = frames_of(found, cloud, grid)
+    for name in ("centre", "rotation", "scale"):
+        np.testing.assert_allclose(getattr(mapper.frames_, name), getattr(expected, name), rtol=0, atol=1e-9)
+    assert (mapper.grids_ != bin_grids(cloud, mapper.frames_, grid)).mean() < 1e-4  # points on a cell's side
+
+
+def test_every_return_has_a_seed_and_every_seed_its_room(place):
+    """Quick-Means' rule: no return farther than the inner radius from all seeds, no two seeds nearer."""
+    mapper = streamed(HilbertMap(weights="unit", grid=tiny_grid(place.dimension)), clouds(place))
+    cloud, grid = mapper.evidence_.cloud(), mapper.grid_
+    returns, seeds = cloud.points[cloud.occupied], np.concatenate([mapper.seeds_, mapper.small_seeds_])
+    # A mean return moves a little with later scans, and its seed does not.
+    assert cKDTree(seeds).query(returns)[0].max() <= grid.inner_radius_m + place.resolution_m
+    assert not cKDTree(seeds).query_pairs(grid.inner_radius_m)
+    tree, radius_m = cKDTree(returns), grid.cluster_diameter_m / 2
+    assert (tree.query_ball_point(mapper.seeds_, radius_m, return_length=True) > grid.minimum_points).all()
+    assert (tree.query_ball_point(mapper.small_seeds_, radius_m, return_length=True) <= grid.minimum_points).all()
+
+
+def test_seeds_with_few_returns_wait_for_more():
+    grid = tiny_grid()
+    mapper = HilbertMap(weights="unit", grid=grid).partial_fit([[0.05, 0.05], [0.15, 0.05]], [True, True])
+    assert mapper.cluster_count() == 0 and len(mapper.small_seeds_) == 1
+    mapper.partial_fit([[0.25, 0.05], [0.35, 0.05]], [True, True])
+    assert mapper.cluster_count() == 1 and len(mapper.small_seeds_) == 0
+    assert np.count_nonzero(mapper.grids_) == 4
+
+
+def test_only_what_a_scan_touches_is_reconstructed(room, monkeypatch):
+    made, shown = network(2), []
+    mapper = streamed(HilbertMap(made), clouds(room))
+    before, frames = mapper.grids_.copy(), mapper.frames_
+    original = type(made).complete
+    monkeypatch.setattr(
+        type(made), "complete", lambda self, grids, *rest, **named: shown.append(grids) or original(self, grids, *rest, **named)
+    )
+    cloud = mapper.evidence_.cloud()
+    again = np.flatnonzero(cloud.occupied)[:1]
+    add(mapper, cloud.select(again))
+    assert not shown  # one more return where there were some: no cell of any grid changes
+    beside = cKDTree(mapper.seeds_).query(cloud.points)[0] < 0.8 * mapper.grid_.inner_radius_m  # no return there makes a cluster
+    free = beside & ~cloud.occupied & (cKDTree(cloud.points[cloud.occupied]).query(cloud.points)[0] > 0.2)
+    place = cloud.points[np.flatnonzero(free)[0]]
+    mapper.partial_fit([place], [True], [1000.0])
+    low, high = frames.boxes()
+    held = ((place >= low) & (place < high)).all(axis=1)
+    assert [len(grids) for grids in shown] == [held.sum()] and 0 < held.sum() < len(frames)
+    np.testing.assert_array_equal(mapper.grids_[~held], before[~held])
+    assert (mapper.grids_[held] != before[held]).any(axis=(1, 2)).all()
+
+
+def test_reconstruction_may_wait_for_a_query(place):
+    parts = clouds(place)
+    eager, lazy = streamed(HilbertMap(network(place.dimension)), parts), HilbertMap(network(place.dimension))
+    for part in parts:
+        add(lazy, part, reconstruct=False)
+    waiting = pickle.loads(pickle.dumps(lazy))
+    assert lazy.cluster_count() == eager.cluster_count() and lazy._growing.stale.all()
+    np.testing.assert_array_equal(lazy.observed(queries_of(place)), eager.observed(queries_of(place)))
+    assert lazy._growing.stale.all()
+    for mapper in (lazy, waiting):
+        for ours, theirs in zip(answers(mapper, queries_of(place)), answers(eager, queries_of(place)), strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=0, atol=2e-3)
+    lazy.settle()
+    assert not lazy._growing.stale.any()
+
+
+def test_a_query_reconstructs_the_boxes_that_answer_it_and_no_others(place):
+    lazy = HilbertMap(network(place.dimension))
+    for part in clouds(place):
+        add(lazy, part, reconstruct=False)
+    here = place.fit.points[:1]
+    answer = lazy.predict_proba(here)
+    needed = lazy.index_.holding(here, lazy.neighbours)[0]
+    assert np.flatnonzero(~lazy._growing.stale).tolist() == sorted(needed[needed >= 0])
+    np.testing.assert_array_equal(lazy.settle().predict_proba(here), answer)
+
+
+def test_a_fitted_map_goes_on(place):
+    parts = clouds(place)
+    half = len(parts) // 2
+    start = fit_cloud(place.scans.select(place.scans.scan < half), place.resolution_m)
+    mapper = HilbertMap(weights="unit", grid=tiny_grid(place.dimension)).fit(start.points, start.occupied, start.weight)
+    first = mapper.frames_
+    streamed(mapper, parts[half:])
+    np.testing.assert_array_equal(mapper.frames_.centre[: len(first)], first.centre)
+    whole = fit_cloud(place.scans, place.resolution_m)
+    np.testing.assert_array_equal(mapper.grids_, bin_grids(whole, mapper.frames_, mapper.grid_))
+    returns, seeds = whole.points[whole.occupied], np.concatenate([mapper.seeds_, mapper.small_seeds_])
+    assert cKDTree(seeds).query(returns)[0].max() <= mapper.grid_.inner_radius_m + place.resolution_m
+    again = HilbertMap(weights="unit", grid=tiny_grid(place.dimension)).fit(start.points, start.occupied, start.weight)
+    mapper.fit(start.points, start.occupied, start.weight)  # forgets all scans
+    for ours, theirs in zip(answers(mapper, queries_of(place)), answers(again, queries_of(place)), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_the_same_scans_give_the_same_bits_and_pickles_go_on(room):
+    parts = clouds(room)
+    mapper = streamed(HilbertMap(network(2)), parts[:10])
+    copy = pickle.loads(pickle.dumps(mapper))
+    for part in parts[10:]:
+        add(mapper, part)
+        add(copy, part)
+    again = streamed(HilbertMap(network(2)), parts)
+    for ours, theirs, others in zip(*(answers(each, queries_of(room)) for each in (mapper, copy, again)), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+        np.testing.assert_array_equal(ours, others)
+
+
+def test_the_first_scan_may_have_one_class():
+    wall = np.column_stack([np.linspace(0, 2, 60), np.zeros(60)])
+    mapper = HilbertMap(weights="unit", grid=tiny_grid())
+    mapper.partial_fit(wall + [0, 1], np.zeros(60, bool))
+    assert mapper.cluster_count() == 0 and (mapper.predict_proba(wall + [0, 1])[:, 1] < 0.5).all()
+    mapper.partial_fit(wall, np.ones(60, bool))
+    assert mapper.cluster_count() > 0 and (mapper.predict_proba(wall)[:, 1] > 0.5).all()
+    np.testing.assert_array_equal(mapper.predict(wall), True)
+    with pytest.raises(InputError, match=r"y: expected both free and occupied points, got one class only: \[1\]"):
+        HilbertMap().partial_fit(wall, np.ones(60, int))
+
+
+def test_labels_of_any_kind_stay_what_they_are(room):
+    parts = clouds(room)
+    signed, plain = HilbertMap(grid=tiny_grid()), HilbertMap(grid=tiny_grid())
+    for part in parts[:3]:
+        signed.partial_fit(part.points, np.where(part.occupied, 1, -1), part.weight)
+        add(plain, part)
+    signed.partial_fit([[0.0, 0.0]], [1])
+    plain.partial_fit([[0.0, 0.0]], [True])
+    np.testing.assert_array_equal(signed.predict_proba(queries_of(room)), plain.predict_proba(queries_of(room)))
+    with pytest.raises(InputError, match=r"y: expected labels \[-1, 1\], as before, got \[0\]"):
+        signed.partial_fit([[0.0, 0.0]], [0])
+
+
+@pytest.mark.parametrize(
+    ("cloud", "message"),
+    [
+        (([[0.0, np.nan]], [True]), "NaN"),
+        ((np.empty((0, 2)), []), "0 sample"),
+        (([[0.0, 0.0, 0.0]], [True]), "features"),
+        (([[0.0, 0.0]], [True, False]), "inconsistent"),
+        (([[0.0, 0.0]], [True], [-1.0]), "[Nn]egative"),
+        (([[0.0, 0.0]], [True], [0.0]), "positive weights|non-zero"),
+        (([[1e12, 0.0]], [True]), "is there an outlier"),
+    ],
+)
+def test_a_bad_scan_is_named_and_changes_nothing(room, cloud, message):
+    mapper = streamed(HilbertMap(weights="unit", grid=tiny_grid()), clouds(room)[:4])
+    before = answers(mapper, queries_of(room))
+    with pytest.raises(InputError, match=message):
+        mapper.partial_fit(*cloud)
+    for ours, theirs in zip(answers(mapper, queries_of(room)), before, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_settings_that_cannot_grow(room):
+    part = clouds(room)[0]
+    with pytest.raises(InputError, match="weights: expected unit or rank for partial_fit, got 'cluster'"):
+        add(HilbertMap(network(2), weights="cluster"), part)
+    with pytest.raises(InputError, match="the network is for 3D, got 2D"):
+        add(HilbertMap(tiny_reconstructor(3)), part)
+    unfitted = HilbertMap(network(2), neighbours=3)
+    with pytest.raises(InputError, match="neighbours: the weights were learned for 5, got 3"):
+        add(unfitted, part)
+    assert not hasattr(clone(unfitted), "grids_") and not hasattr(unfitted, "grids_")
