@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
@@ -69,14 +70,14 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     exports = check_exports(settings.exports, source.dimension)
     weights = settings.weights or f"{source.dimension}d"
     mapper = load_mapper(weights, fill=settings.fill, device=settings.device)
+    if mapper.reconstructor.dimension != source.dimension:
+        raise InputError(f"weights: {weights} is a network for {mapper.reconstructor.dimension}D, got {source.dimension}D scans")
     network_m = mapper.reconstructor.resolution_m
     resolution_m = settings.resolution_m or (source.cell_m if isinstance(source, GivenMap) else network_m)
     # A coarser map is asked for finely, and its cells joined: the network has to see places in its own resolution.
     mapper.resolution_m = fine_m = min(resolution_m, network_m)
 
-    output.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".writing-", dir=output) as place:
-        folder = Path(place)
+    with _beside(output) as folder:
         clock.start("label points")
         cloud = source.cloud(fine_m) if isinstance(source, GivenMap) else fit_cloud(source, fine_m)
         clock.start("complete grids" if settings.fill else "gather evidence")
@@ -98,6 +99,19 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         for file in (*files, SUMMARY):
             os.replace(folder / file, output / file)
     return output
+
+
+@contextmanager
+def _beside(output: Path) -> Iterator[Path]:
+    """A temporary folder in `output`, which is made if need be, and taken away again if it is empty after a failure."""
+    output.mkdir(parents=True, exist_ok=True)
+    try:
+        with tempfile.TemporaryDirectory(prefix=".writing-", dir=output) as folder:
+            yield Path(folder)
+    except BaseException:
+        with suppress(OSError):
+            output.rmdir()
+        raise
 
 
 def _read(settings: MapSettings) -> Scans | GivenMap:
