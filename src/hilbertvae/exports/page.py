@@ -14,7 +14,6 @@ from pathlib import Path
 from string import Template
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.colors import Colormap, to_hex, to_rgb
 from PIL import Image
 
@@ -23,7 +22,7 @@ from hilbertvae.exports.cell_colours import heights_above_ground
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.files import atomic
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
-from hilbertvae.reports.colours import GAP_COLOUR, PROBABILITY
+from hilbertvae.reports.colours import GAP_COLOUR, PROBABILITY, UNCERTAINTY
 from hilbertvae.reports.lit_colours import HEIGHT, HEIGHTS_M, LIT
 
 TEMPLATE = Path(__file__).with_suffix(".html")
@@ -33,7 +32,6 @@ MOST_PIXELS = 8_000
 """Along a side of a 2D map's picture; browsers refuse much larger ones."""
 WIDEST_STD = 0.5
 """The end of the scale of uncertainty: answers can't disagree more."""
-UNCERTAIN = colormaps["magma_r"]
 
 
 def write_page(cells: MapCells, path: str | os.PathLike, title: str, tables: dict[str, list[list[str]]]) -> Path:
@@ -80,7 +78,7 @@ def _flat(cells: MapCells) -> dict:
     likely = picture(_byte(PROBABILITY(cells.probability.astype(float))))
     modes = [
         {**_mode("probability", PROBABILITY, "free", "occupied"), "image": likely},
-        {**_mode("uncertainty", UNCERTAIN, "sure", "unsure"), "image": picture(_byte(UNCERTAIN(_uncertainty(cells))))},
+        {**_mode("uncertainty", UNCERTAINTY, "sure", "unsure"), "image": picture(_byte(UNCERTAINTY(_uncertainty(cells))))},
     ]
     observed = picture(solid * cells.observed[:, None])
     return {"dimension": 2, "resolution_m": cells.resolution_m, "observed": observed, "tint": picture(tint), "modes": modes}
@@ -101,7 +99,7 @@ def _solid(cells: MapCells) -> dict:
     maps = {
         "height": (HEIGHT, "ground", f"{highest_m:g} m above"),
         "probability": (LIT, "just occupied", "surely"),
-        "uncertainty": (UNCERTAIN, "sure", "unsure"),
+        "uncertainty": (UNCERTAINTY, "sure", "unsure"),
     }
     ramps = [_byte(colours(np.linspace(0, 1, 256)))[:, :3] for colours, _, _ in maps.values()]
     return {

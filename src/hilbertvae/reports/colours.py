@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import count
 
+from matplotlib import colormaps
 from matplotlib.colors import LinearSegmentedColormap
 
 PROBABILITY = LinearSegmentedColormap.from_list(
@@ -19,6 +20,9 @@ ERROR = LinearSegmentedColormap.from_list("missed-invented", ["#2d0a6b", "#7b5bb
     bad="#b6b6b6"
 )
 """p - truth: violet where occupied space was missed (-1), white where right, orange where it was invented (+1), grey where nobody knows."""
+
+UNCERTAINTY = colormaps["magma_r"]
+"""Spread of answers: pale where grids agree, dark where they don't."""
 
 GAP_COLOUR = "#009e73"
 """Outlines of gaps: a green that neither map uses and that stays apart from both for the colour-blind (Okabe and Ito)."""

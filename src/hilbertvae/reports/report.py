@@ -31,16 +31,19 @@ from hilbertvae.reports.run_state import site_folder
 from hilbertvae.reports.score_pictures import precision_recall_picture, reliability_picture
 from hilbertvae.reports.score_table import markdown_scores, print_scores
 from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
-from hilbertvae.reports.site_view import SiteView
+from hilbertvae.reports.site_view import SiteView, telling_gaps
 from hilbertvae.reports.slice_pictures import slice_picture
 from hilbertvae.reports.surface import Surface, extract_surface, write_ply
 from hilbertvae.reports.surface_pictures import close_up_picture, site_view_picture
 from hilbertvae.reports.tensorboard import write_tensorboard
+from hilbertvae.reports.uncertainty_pictures import uncertainty_picture
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 
 RIVALS = ("lard-hm-fine", "lard-hm", "hm", "nearest")
 """Whose map is shown beside ours: the first of these that was run (the paper's Fig. 5 has LARD-HM)."""
+UNSURE_GAPS = 4
+"""Gaps in the picture of uncertainty."""
 
 
 class Report:
@@ -116,9 +119,13 @@ class Report:
                 surface = extract_surface(mapper.predict_map, shown, site.resolution_m)
                 view = SiteView.draw(site, gaps, mapper)
                 figures |= {"map": site_view_picture(view), "gaps": close_up_picture(view), "slices": slice_picture(view)}
+                telling = list(telling_gaps(view))[:UNSURE_GAPS]
             else:
                 maps = SiteMaps.draw(site, gaps, fitted)
                 figures |= {"map": site_map_picture(maps), "gaps": gap_zoom_picture(maps)}
+                telling = maps.telling(UNSURE_GAPS)
+            if ours and len(fitted[ours].frames_):
+                figures["uncertainty"] = uncertainty_picture(fitted[ours], site, gaps, telling)
             inside = site.voxels.select(gaps.part(site.voxels.points) == INSIDE)
             answers = {name: (inside.occupied, m.predict_proba(inside.points)[:, 1]) for name, m in fitted.items()}
             figures["reliability"] = reliability_picture(answers, f"{site.name}, voxels in gaps")

@@ -1,0 +1,74 @@
+"""How sure a map is: its spread beside its errors, and what single grids make of the same gap, side by side."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.special import expit
+
+from hilbertvae.gaps import Gaps
+from hilbertvae.grids.kernel import NONE, cell_index
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.reports.canvas import new_figure, outline_gaps, probability_bar, scale_bar, show_codes, show_probability
+from hilbertvae.reports.colours import UNCERTAINTY
+from hilbertvae.reports.raster import Raster
+from hilbertvae.reports.site_pictures import ZOOM
+from hilbertvae.site import Site
+
+COMPLETIONS = 3
+"""Single grids beside their mean."""
+WIDEST_STD = 0.5
+"""Of answers between 0 and 1."""
+
+
+def uncertainty_picture(mapper: HilbertMap, site: Site, gaps: Gaps, chosen: list[int]) -> Figure:
+    """A gap a row: truth | map | its spread (`predict_std`) | what each of the nearest grids makes of it alone; in 3D a slice at the gap.
+
+    mapper: fitted on `gaps.cut(site.fit)`. The single grids are completions of one place from different surroundings, not samples from a
+    posterior: where they differ the map is unsure, and the spread is made of them.
+    """
+    titles = ["truth", "map", "spread", *(f"grid {number + 1} alone" for number in range(COMPLETIONS))]
+    side = 2.2
+    figure = new_figure(side * len(titles) + 1.6, side * len(chosen) + 0.4)
+    panels = figure.subplots(len(chosen), len(titles), squeeze=False)
+    for line, gap in zip(panels, chosen, strict=True):
+        centre, radius_m = gaps.centres[gap], gaps.radius_m[gap]
+        height_m = float(centre[2]) if site.dimension == 3 else None
+        raster = Raster.around(centre[None], site.resolution_m, ZOOM * radius_m, height_m)
+        queries = raster.queries()
+        image = show_probability(line[1], raster.image(mapper.predict_map(queries)), raster.extent)
+        show_codes(line[0], raster.codes(site.voxels), raster.extent)
+        spread = line[2].imshow(
+            raster.image(mapper.predict_std(queries)), UNCERTAINTY, vmin=0, vmax=WIDEST_STD, origin="lower", extent=raster.extent
+        )
+        for axes, alone in zip(line[3:], completions(mapper, queries, centre), strict=False):
+            show_probability(axes, raster.image(alone), raster.extent)
+        for axes in line:
+            axes.set(xticks=[], yticks=[])
+            outline_gaps(axes, gaps, height_m, linewidth=1.5)
+            axes.set(xlim=raster.extent[:2], ylim=raster.extent[2:])
+        line[0].set_ylabel(f"gap {gap + 1}", fontsize=10)
+    for axes, title in zip(panels[0], titles, strict=True):
+        axes.set_title(title, fontsize=9, pad=3)
+    scale_bar(panels[0, 0])
+    probability_bar(figure, image, panels[:, 3:].ravel().tolist())
+    bar = figure.colorbar(spread, ax=panels[:, :3].ravel().tolist(), shrink=0.6, aspect=30, pad=0.01)
+    bar.set_label("spread: standard deviation of p", fontsize=9)
+    return figure
+
+
+def completions(mapper: HilbertMap, queries: np.ndarray, centre: np.ndarray) -> list[np.ndarray]:
+    """p(occupied) (Q,) of each of the `COMPLETIONS` boxes nearest to `centre (D,)` that hold it, as if all boxes said what it says.
+
+    Fewer where fewer hold it; 0.5 outside of a box. What was observed is left out: this is what a grid has drawn.
+    """
+    nearest = mapper.index_.holding(centre[None], mapper.neighbours)[0]
+    grids, cells = mapper.grids_.reshape(len(mapper.grids_), -1), mapper.grids_.shape[1]
+    nothing_seen = np.zeros(len(queries), bool), np.empty((0, mapper.evidence_.feature_count))
+    found = []
+    for box in nearest[nearest != NONE][:COMPLETIONS]:
+        cell, inside = cell_index(mapper.frames_, queries, np.full(len(queries), box), cells)
+        values = np.zeros((len(queries), mapper.neighbours))
+        values[inside] = grids[box][cell[inside], None]
+        found.append(expit(mapper.rank_weights_.logit(values, inside * mapper.neighbours, *nothing_seen)))
+    return found
