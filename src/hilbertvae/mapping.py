@@ -83,7 +83,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         clock.start("complete grids" if settings.fill else "gather evidence")
         mapper.fit(cloud.points, cloud.occupied, cloud.weight)
         clock.start("ask each cell")
-        cells = MapCells.sample(mapper, cloud.points, fine_m).coarser(resolution_m)
+        cells = MapCells.sample(mapper, cloud.points, fine_m, progress=clock.share).coarser(resolution_m)
         if not len(cells):
             raise InputError(f"{settings.scans}: expected scans that show something, got none")
         clock.start("write")
@@ -136,6 +136,10 @@ class Clock:
         self.stop()
         self.say(stage)
         self._running = (stage, time.perf_counter())
+
+    def share(self, done: int, total: int) -> None:
+        """Say how far the stage that runs is."""
+        self.say(f"{self._running[0]}, {100 * done // max(total, 1)} %")
 
     def stop(self) -> None:
         """End the stage that runs."""

@@ -141,6 +141,42 @@ def test_a_coarser_map_keeps_its_walls(room, tmp_path):
     assert all(coarse[tuple(np.floor(spot / 0.3).astype(int))] for spot in fine.centres[fine.occupied])
 
 
+def test_far_coordinates_change_nothing(room, tmp_path):
+    """A room at UTM coordinates is the same map, that far away, to the cell and in its files."""
+    far_m = np.array([412_345.0, 5_432_109.0])
+    maps = []
+    for shift in (0.0 * far_m, far_m):
+        folder = tmp_path / str(bool(shift.any()))
+        folder.mkdir()
+        np.savez(folder / "room.npz", points=room.scans.points + shift, origins=room.scans.origins + shift, scan=room.scans.scan)
+        settings = MapSettings(scans=str(folder / "room.npz"), output=str(folder / "out"), fill=False, exports=["npz", "ros", "points"])
+        maps.append(make_map(settings))
+    near, far = (read_grid(folder / "map.npz") for folder in maps)
+    cells = np.rint(far_m / near.resolution_m).astype(int)
+    moved = {tuple(index + cells): hit for index, hit in zip(near.index, near.occupied, strict=True)}
+    agree = [moved.get(tuple(index)) == hit for index, hit in zip(far.index, far.occupied, strict=True)]
+    assert len(far) == pytest.approx(len(near), rel=0.01) and np.mean(agree) > 0.98  # points on a cell's side may fall to either
+    about = yaml.safe_load((maps[1] / "map.yaml").read_text())
+    np.testing.assert_allclose(about["origin"][:2], far.index.min(axis=0) * 0.1, atol=1e-6)
+    corner = trimesh.load(maps[1] / "points.ply").vertices.min(axis=0)[:2]
+    np.testing.assert_allclose(corner, far.centres[far.occupied].min(axis=0), atol=0.005)
+
+
+def test_a_key_is_named_as_this_command_has_it(tmp_path, capsys):
+    """Elsewhere the settings of reading are a group."""
+    np.savez(tmp_path / "cloud.npz", points=np.random.default_rng(0).uniform(1, 5, (100, 3)))
+    assert map_command.main([f"scans={tmp_path / 'cloud.npz'}"]) == 2
+    said = capsys.readouterr().err
+    assert "set sensor_origin_m" in said and "reading." not in said
+
+
+def test_3d_scans_without_poses_name_the_way_out(box, tmp_path, capsys):
+    for number in range(2):
+        np.savez(tmp_path / f"{number}.npz", points=box.scans.points[box.scans.scan == number], origins=np.zeros(3))
+    assert map_command.main([f"scans={tmp_path}"]) == 2
+    assert " poses=kiss_icp" in capsys.readouterr().err
+
+
 def test_a_log_needs_nothing_but_its_path(tmp_path, monkeypatch):
     """The shipped network, chosen by the dimension; output below outputs/maps."""
     monkeypatch.chdir(tmp_path)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from hilbertvae.checks import InputError
 from hilbertvae.commands.keywords import run_command
 from hilbertvae.mapping import SUMMARY, MapSettings, make_map
 
@@ -19,8 +20,11 @@ def run(settings: MapSettings) -> None:
     """Make the map, say what it came out as."""
     console = Console(stderr=True)
     warnings.showwarning = lambda message, *rest, **named: console.print(f"[yellow]{message}[/]", highlight=False)
-    with console.status("start") as status:
-        output = make_map(settings, lambda stage: status.update(f"{settings.scans}: {stage}"))
+    try:
+        with console.status("start") as status:
+            output = make_map(settings, lambda stage: status.update(f"{settings.scans}: {stage}"))
+    except InputError as error:
+        raise InputError(str(error).replace("reading.", "")) from error  # what is a group of settings elsewhere stands alone here
     summary = json.loads((output / SUMMARY).read_text(encoding="utf-8"))
     print(report(summary, output))
 
