@@ -89,7 +89,8 @@ def main(words: list[str] | None = None) -> None:
     differ = max(counted.values()) - min(counted.values())
     targets = [target("occupied cells that independent readers count differently", "0", differ, not differ)]
     about = {key: summary[key] for key in ("name", "dimension", "resolution_m", "extent_m", "points", "cells", "weights")}
-    report(f"map_command_{Path(given.scans).name}", given, rows, targets, {**about, "occupied": counted, "bytes": sizes}, script="map_command")
+    about |= {"occupied": counted, "bytes": sizes}
+    report(f"map_command_{Path(given.scans).name}", given, rows, targets, about, script="map_command")
 
 
 if __name__ == "__main__":

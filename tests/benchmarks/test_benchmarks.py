@@ -27,7 +27,8 @@ def beside_each_other(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["benchmark", "--quick"])
 
 
-FILES = {"map_site": "map_intel", "streaming": "streaming_simulated_1", "map_command": "map_command_simulated"}  # of another name than the script, since there is one for each site
+FILES = {"map_site": "map_intel", "streaming": "streaming_simulated_1", "map_command": "map_command_simulated"}
+"""Of another name than the script, since there is one for each site."""
 
 
 @pytest.mark.parametrize("name", NEEDED)
