@@ -355,3 +355,19 @@ def test_the_size_of_a_map_is_that_of_its_arrays(room):
     mapper = HilbertMap(grid=tiny_grid()).fit(room.fit.points, room.fit.occupied, room.fit.weight)
     assert mapper.cluster_count() == len(mapper.frames_) > 0
     assert mapper.grids_.nbytes < mapper.stored_bytes() < len(pickle.dumps(mapper)) + 10_000
+
+
+def test_without_filling_it_knows_what_was_observed_alone(place):
+    cloud = gapped(place)
+    mapper = fit(HilbertMap(reconstructor(place.dimension), fill=False), cloud)
+    whole = fit(HilbertMap(reconstructor(place.dimension)), cloud)
+    low, high = cloud.points.min(axis=0) - 1, cloud.points.max(axis=0) + 1
+    queries = np.random.default_rng(0).uniform(low, high, (300, place.dimension))
+    found, observed = mapper.predict_proba(queries)[:, 1], whole.observed(queries)
+    assert mapper.cluster_count() == 0 and 0 < observed.sum() < 300
+    np.testing.assert_array_equal(mapper.observed(queries), observed)
+    np.testing.assert_array_equal(found[~observed], 0.5)
+    assert (found[observed] != 0.5).all()
+    np.testing.assert_array_equal(mapper.predict_map(queries), found)
+    with pytest.raises(InputError, match="fill: expected a map that fills gaps for partial_fit"):
+        mapper.partial_fit(cloud.points, cloud.occupied)

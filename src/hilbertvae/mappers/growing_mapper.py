@@ -38,7 +38,7 @@ class GrowingMapper(Mapper):
         self._check_network(points.shape[1])  # a loaded map's is looked for now, before anything is altered
         if first:
             cloud = Cloud(points, self._learn_labels(occupied, both=False), weight)
-            self._start_empty(cloud.select(slice(0)))
+            self._start_without_clusters(cloud.select(slice(0)))
         else:
             cloud = Cloud(points, self._known_labels(occupied), weight)
         if self._growing is None:
@@ -65,8 +65,8 @@ class GrowingMapper(Mapper):
         self.grids_, self.known_ = self._growing.completed.value, self._growing.completed.known  # a pickle's are copies
         return self
 
-    def _start_empty(self, cloud: Cloud) -> None:
-        """A map without anything in it, for clouds like the empty one given."""
+    def _start_without_clusters(self, cloud: Cloud) -> None:
+        """A map of what the cloud observed, without any grid."""
         self._start(cloud)
         dimension = cloud.points.shape[1]
         completed = self._complete(np.empty((0, *(self.grid_.cells,) * dimension), np.int8))

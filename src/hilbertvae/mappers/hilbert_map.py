@@ -82,8 +82,11 @@ class HilbertMap(GrowingMapper):
 
     def _fit(self, points, occupied, weight):
         cloud = Cloud(points, occupied, weight)
+        if not self.fill:
+            self._start_without_clusters(cloud)
+            return
         self._start(cloud)
-        clusters = cloud_clusters(cloud if self.fill else cloud.select(slice(0)), self.grid_, self.seed)
+        clusters = cloud_clusters(cloud, self.grid_, self.seed)
         self.seeds_, self.frames_ = clusters.seeds, frames_of(clusters, cloud, self.grid_)
         self.factors_ = self._cluster_factors(cloud) if self.weights == "cluster" and len(self.frames_) else None
         completed = self._complete(bin_grids(cloud, self.frames_, self.grid_))

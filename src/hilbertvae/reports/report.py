@@ -124,7 +124,7 @@ class Report:
                 maps = SiteMaps.draw(site, gaps, fitted)
                 figures |= {"map": site_map_picture(maps), "gaps": gap_zoom_picture(maps)}
                 telling = maps.telling(UNSURE_GAPS)
-            if ours and len(fitted[ours].frames_):
+            if ours and telling and len(fitted[ours].frames_):
                 figures["uncertainty"] = uncertainty_picture(fitted[ours], site, gaps, telling)
             inside = site.voxels.select(gaps.part(site.voxels.points) == INSIDE)
             answers = {name: (inside.occupied, m.predict_proba(inside.points)[:, 1]) for name, m in fitted.items()}
