@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import octomap
@@ -17,6 +18,7 @@ from hilbertvae.commands import map as map_command
 from hilbertvae.commands import query as query_command
 from hilbertvae.exports.grid_npz import read_grid
 from hilbertvae.mapping import MapSettings, make_map
+from hilbertvae.scans.formats import read_scans_path
 from toy_rooms import carmen_line, tiny_reconstructor, write_log
 
 
@@ -183,6 +185,45 @@ def test_a_log_needs_nothing_but_its_path(tmp_path, monkeypatch):
     write_log(tmp_path / "drive.log", [carmen_line(np.full(180, 3.0), (x, 0, 0)) for x in (0.0, 0.5)])
     assert map_command.main(["scans=drive.log", "exports=[ros]"]) == 0
     assert (tmp_path / "outputs/maps/drive.log/map.pgm").exists()
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_a_bag_is_mapped(kind, tmp_path, monkeypatch):
+    """The scene of the readers' tests: planar lasers with transforms; the walls of the map are where the returns are."""
+    pytest.importorskip("rosbags")
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "scans")
+    from bag_scene import write_scene
+
+    bag = tmp_path / ("drive.bag" if kind == "ros1" else "drive")
+    write_scene(bag, kind, clouds=0)
+    output = make_map(MapSettings(scans=str(bag), output=str(tmp_path / "out"), fill=False, exports=["npz", "ros"]))
+    cells = read_grid(output / "map.npz")
+    hits = np.unique(np.floor(read_scans_path(bag).points / 0.1).astype(int), axis=0)
+    occupied = cells.index[cells.occupied]
+    away = np.abs(occupied[:, None] - hits[None]).max(axis=2)
+    assert away.min(axis=1).max() <= 1  # a beam's end may lie on the side of the next cell
+    assert np.mean(away.min(axis=0) == 0) > 0.9
+
+
+def test_a_laz_is_mapped(box, tmp_path):
+    """One scan at UTM coordinates, with its sensor's place given; read back by trimesh to the centimetre."""
+    laspy = pytest.importorskip("laspy")
+    far_m = np.array([412_345.0, 5_432_109.0, 100.0])
+    scan = box.scans.select(box.scans.scan == 0)
+    header = laspy.LasHeader(point_format=3, version="1.2")
+    header.offsets, header.scales = far_m, np.full(3, 0.001)
+    cloud = laspy.LasData(header)
+    cloud.xyz = scan.points + far_m
+    cloud.write(str(tmp_path / "room.laz"))
+    weights = tiny_reconstructor(3).save(tmp_path / "tiny.safetensors")
+    origin = (scan.origins[0] + far_m).tolist()
+    settings = MapSettings(scans=str(tmp_path / "room.laz"), output=str(tmp_path / "out"), weights=str(weights), sensor_origin_m=origin)
+    output = make_map(settings)
+    cells, points = read_grid(output / "map.npz"), trimesh.load(output / "points.ply").vertices
+    np.testing.assert_allclose(np.sort(points, axis=0), np.sort(cells.centres[cells.occupied], axis=0), atol=0.005)
+    seen = cells.centres[cells.occupied & cells.observed]
+    nearest = np.abs(seen[:, None] - (scan.points + far_m)[None]).max(axis=2).min(axis=1)
+    assert nearest.max() < 0.1 + 0.005  # each has a return in it
 
 
 @pytest.mark.parametrize(
