@@ -35,7 +35,7 @@ def report(summary: dict, output: Path) -> str:
     unit = "m2" if summary["dimension"] == 2 else "m3"
     before, after = summary["cells"]["before"], summary["cells"]["after"]
     lines = [f"{summary['name']}: {summary['dimension']}D, cells of {summary['resolution_m']:g} m"]
-    lines += [f"  {kind:8} {before[kind] * cell:12,.1f} {unit} observed, {after[kind] * cell:12,.1f} {unit} filled in" for kind in before]
+    lines += [f"  {kind:8} before {before[kind] * cell:12,.1f} {unit}, after {after[kind] * cell:12,.1f} {unit}" for kind in before]
     lines += ["  " + ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in summary["seconds"].items())]
     return "\n".join([*lines, *(f"  {output / name}" for name in summary["files"])])
 
