@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
 import time
@@ -10,10 +11,12 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
+import torch
+
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import fit_cloud
-from hilbertvae.exports.formats import check_exports, write_exports
-from hilbertvae.exports.map_cells import MapCells
+from hilbertvae.exports.formats import check_names, suiting_exports, write_exports
+from hilbertvae.exports.map_cells import REACH_M, MapCells
 from hilbertvae.exports.map_picture import write_picture
 from hilbertvae.exports.page import write_page
 from hilbertvae.exports.summary import map_summary, summary_tables
@@ -24,6 +27,7 @@ from hilbertvae.mappers.saved_map import save_map
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from hilbertvae.scans.scan import Scans
+from hilbertvae.voxel_blocks import SIDE
 
 Say = Callable[[str], None]
 MAP, PICTURE, PAGE, SUMMARY = "map.safetensors", "map.png", "summary.html", "summary.json"
@@ -34,7 +38,8 @@ class MapSettings(ReadingSettings):
     """One run of `hilbertvae-map`; how scans are read is inherited."""
 
     scans: str = ""
-    """A file or a folder of scans, or a map to be filled: an OctoMap `.ot` or `.bt`, a ROS map's `.yaml`."""
+    """A file or a folder of scans, or a map to be filled: an OctoMap `.ot` or `.bt`, a ROS map's `.yaml`. Of maps that
+    were filled before, give the `_observed` one: what a map holds is taken as seen."""
     output: str | None = None
     """Folder to write to; `outputs/maps/<name of the scans>` unless given."""
     weights: str | None = None
@@ -44,7 +49,7 @@ class MapSettings(ReadingSettings):
     fill: bool = True
     """`off` gives the observed map alone."""
     exports: list[str] | None = None
-    """Which formats are written; all that suit the dimension and need no extra, unless given."""
+    """Which formats are written, of ros, ot, bt, points, mesh, npz and rerun; all that suit the map and need no extra, unless given."""
     device: str = "cpu"
 
     def reading(self) -> ReadingSettings:
@@ -62,14 +67,17 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         raise InputError("scans: expected a file or a folder of scans, got none; give scans=<path>")
     if settings.resolution_m is not None:
         check_positive(settings.resolution_m, "resolution_m")
+    check_names(settings.exports)
+    check_device(settings.device)
+    mapper = load_mapper(settings.weights) if settings.weights else None  # before the scans, which may take long
     name = Path(settings.scans).resolve().name
     output = Path(settings.output or Path("outputs/maps") / name)
     clock = Clock(say)
     clock.start("read")
     source = _read(settings)
-    exports = check_exports(settings.exports, source.dimension)
+    exports = suiting_exports(settings.exports, source.dimension)
     weights = settings.weights or f"{source.dimension}d"
-    mapper = load_mapper(weights, fill=settings.fill, device=settings.device)
+    mapper = (mapper or load_mapper(weights)).set_params(fill=settings.fill, device=settings.device)
     if mapper.reconstructor.dimension != source.dimension:
         raise InputError(f"weights: {weights} is a network for {mapper.reconstructor.dimension}D, got {source.dimension}D scans")
     network_m = mapper.reconstructor.resolution_m
@@ -83,12 +91,13 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         clock.start("complete grids" if settings.fill else "gather evidence")
         mapper.fit(cloud.points, cloud.occupied, cloud.weight)
         clock.start("ask each cell")
-        cells = MapCells.sample(mapper, cloud.points, fine_m, progress=clock.share).coarser(resolution_m)
+        reach_m = min(REACH_M, SIDE[source.dimension] * fine_m)
+        cells = MapCells.sample(mapper, cloud.points, fine_m, reach_m, clock.share).coarser(resolution_m)
         if not len(cells):
             raise InputError(f"{settings.scans}: expected scans that show something, got none")
         clock.start("write")
         save_map(mapper, folder / MAP)
-        write_exports(exports, cells, folder)
+        write_exports(exports, cells, folder, asked_for=settings.exports is not None)
         write_picture(cells, folder / PICTURE, name)
         clock.stop()
         summary = map_summary(name, cloud, cells, source if isinstance(source, Scans) else None)
@@ -96,26 +105,51 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         write_page(cells, folder / PAGE, name, summary_tables(summary))
         files = sorted(file.name for file in folder.iterdir())
         write_json(folder / SUMMARY, {**summary, "files": files, **made_by()})
+        stale = _listed(output) - {*files, SUMMARY}
         for file in (*files, SUMMARY):
             os.replace(folder / file, output / file)
+        for file in stale:  # of a map that was here before: two maps in one folder would pass for one
+            (output / file).unlink(missing_ok=True)
     return output
+
+
+def _listed(output: Path) -> set[str]:
+    """The files of the map that is in a folder, by its summary."""
+    try:
+        files = json.loads((output / SUMMARY).read_text(encoding="utf-8"))["files"]
+        return {file for file in files if Path(file).name == file}
+    except (OSError, ValueError, KeyError, TypeError):
+        return set()
+
+
+def check_device(device: str) -> None:
+    """An `InputError` for a device that torch does not have here."""
+    try:
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise InputError(f"device: expected cpu, or cuda where there is one, got {device!r} ({str(error).splitlines()[0]})") from error
 
 
 @contextmanager
 def _beside(output: Path) -> Iterator[Path]:
-    """A temporary folder in `output`, which is made if need be, and taken away again if it is empty after a failure."""
+    """A temporary folder in `output`, which is made if need be, and then taken away again after a failure."""
+    made = not output.exists()
     output.mkdir(parents=True, exist_ok=True)
     try:
         with tempfile.TemporaryDirectory(prefix=".writing-", dir=output) as folder:
             yield Path(folder)
     except BaseException:
-        with suppress(OSError):
-            output.rmdir()
+        if made:
+            with suppress(OSError):
+                output.rmdir()
         raise
 
 
 def _read(settings: MapSettings) -> Scans | GivenMap:
     if is_given_map(settings.scans):
+        given = [part.name for part in fields(ReadingSettings) if getattr(settings, part.name) != getattr(ReadingSettings(), part.name)]
+        if given:
+            raise InputError(f"{given[0]}: {settings.scans} is a map, where this has no meaning; leave it unset")
         return read_given_map(settings.scans)
     scans = read_scans_path(settings.scans, settings.reading())
     if not len(scans):

@@ -47,7 +47,7 @@ def cloud_of_cells(
     sides = np.eye(dimension) if sides is None else sides
     turned = np.abs(sides).max(axis=1).min() < 1 - 1e-12
     longest = cell_m * (math.sqrt(dimension) if turned else 1)
-    parts = 1 if resolution_m is None else math.ceil(longest / check_positive(resolution_m, "resolution_m") - 1e-9)
+    parts = 1 if resolution_m is None else math.ceil(longest / check_positive(resolution_m, "resolution_m") - 1e-6)
     if len(centres) * parts**dimension > MOST_CELLS:
         raise InputError(f"resolution_m: {len(centres)} cells of {cell_m:g} m would be more than {MOST_CELLS} points at {resolution_m:g} m")
     if parts > 1:
@@ -127,6 +127,9 @@ def _header(path: Path) -> _Header:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected keys as image and resolution, got {type(content).__name__}")
+    if content.get("hilbertvae_cells") == "all":
+        seen = f"{path.stem}_observed{path.suffix}"
+        warnings.warn(f"{path}: was filled before, and what was predicted is now taken as seen; {seen} has what was", stacklevel=3)
     missing = [key for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh") if content.get(key) is None]
     if missing:
         raise InputError(f"{path}: expected the key{'s' * (len(missing) > 1)} {', '.join(missing)} of a map_server map")

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,10 @@ import yaml
 from PIL import Image
 
 import hilbertvae
+from hilbertvae.checks import InputError
 from hilbertvae.commands import map as map_command
 from hilbertvae.commands import query as query_command
+from hilbertvae.exports.formats import EXPORTS
 from hilbertvae.exports.grid_npz import read_grid
 from hilbertvae.mapping import MapSettings, make_map
 from hilbertvae.scans.formats import read_scans_path
@@ -242,6 +245,14 @@ def test_a_laz_is_mapped(box, tmp_path):
         (["scans=room.npz", "weights=3d"], "3D"),
         (["scans=room.npz", "max_range_m=0.01"], "room.npz"),
         (["scans=broken.npz"], "broken.npz"),
+        (["scans=room.npz", "exports=[ros"], "exports: expected list[str] | None, got '[ros'"),
+        (["scans=room.npz", "device=gpu"], "device: expected cpu"),
+        (["scans=${HOME}.npz"], "${HOME}.npz"),
+        (["scans=???"], "???"),
+        (["scans=[/2020]/x"], "[/2020]/x"),
+        (["scans=reading.d"], "reading.d"),
+        (["scans=room.npz", "every=often"], "every: expected int"),
+        (["scans=room.yaml", "max_range_m=3"], "max_range_m: room.yaml is a map"),
     ],
 )
 def test_what_is_wrong_is_said_and_leaves_nothing(words, said, room, tmp_path, monkeypatch, capsys):
@@ -275,10 +286,52 @@ def test_a_full_disk_leaves_what_was_there(room, tmp_path, monkeypatch, capsys):
     assert [path.name for path in out.iterdir()] == ["map.npz"] and (out / "map.npz").read_text() == "the map of yesterday"
 
 
+def test_a_second_map_leaves_nothing_of_the_first(room, tmp_path):
+    """Files that only the first has go; what somebody else put there stays."""
+    scans, out = npz_of(room, tmp_path / "room.npz"), tmp_path / "out"
+    make_map(MapSettings(scans=str(scans), output=str(out), fill=False))
+    (out / "notes.txt").write_text("mine")
+    assert (out / "map.ot").exists()
+    make_map(MapSettings(scans=str(scans), output=str(out), fill=False, exports=["npz"], resolution_m=0.25))
+    assert {path.name for path in out.iterdir()} == {"notes.txt", "map.npz", "map.png", "map.safetensors", "summary.html", "summary.json"}
+
+
+def test_a_map_that_was_filled_before_is_told(mapped, tmp_path):
+    output, place, words = mapped
+    if place.dimension == 3:
+        pytest.skip("OctoMap's files have no place for it")
+    settings = MapSettings(scans=str(output / "map.yaml"), output=str(tmp_path), weights=words[2].removeprefix("weights="), exports=[])
+    with pytest.warns(UserWarning, match="map_observed.yaml has what was"):
+        make_map(settings)
+
+
+def test_what_does_not_fit_a_format_is_left_out_unless_it_was_asked_for(room, tmp_path, monkeypatch):
+    scans = npz_of(room, tmp_path / "room.npz")
+
+    def too_large(*_):
+        raise InputError("cells: expected a box of at most 10 cells")
+
+    monkeypatch.setitem(EXPORTS, "ros", replace(EXPORTS["ros"], write=too_large))
+    with pytest.warns(UserWarning, match="ros is left out: cells: expected a box"):
+        output = make_map(MapSettings(scans=str(scans), output=str(tmp_path / "out"), fill=False))
+    assert (output / "map.ot").exists() and not (output / "map.pgm").exists()
+    with pytest.raises(InputError, match="exports: ros: cells: expected a box"):
+        make_map(MapSettings(scans=str(scans), output=str(tmp_path / "out"), fill=False, exports=["ros"]))
+
+
+def test_one_return_in_space_and_fine_cells(tmp_path):
+    """The smallest map there is, at cells so fine that the usual reach would be too many of them."""
+    np.savez(tmp_path / "one.npz", points=[[0.0, 0.0, 2.0]], origins=np.zeros(3))
+    for resolution_m in (None, 0.03):
+        settings = MapSettings(scans=str(tmp_path / "one.npz"), output=str(tmp_path / "out"), resolution_m=resolution_m, fill=False)
+        assert (make_map(settings) / "map.png").exists()
+
+
 def test_help_names_every_key(capsys):
     assert map_command.main(["--help"]) == 0
     said = capsys.readouterr().out
-    for key, text in {"fill=on": "observed map alone", "poses=null": "kiss_icp", "max_range_m=null": "Metres"}.items():
+    expected = {"fill=on": "observed map alone", "every=1": "mesh, npz and rerun", "poses=null": "kiss_icp", "max_range_m=null": "Metres"}
+    for key, text in expected.items():
         assert key in said and text in said
 
 

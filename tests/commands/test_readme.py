@@ -88,6 +88,8 @@ def test_python(checkpoint, tmp_path, monkeypatch):
     known = {
         "points": [scans.points[scans.scan == number] for number in range(2)],
         "origins": np.stack([scans.origins[scans.scan == number][0] for number in range(2)]),
+        "new_points": scans.points[scans.scan == 2],
+        "new_origin": scans.origins[scans.scan == 2][0],
         "queries": np.random.default_rng(0).uniform(-2, 2, (50, 2)),
     }
     for program in PYTHON:  # one after the other, as it is read

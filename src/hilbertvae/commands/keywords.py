@@ -7,10 +7,11 @@ import dataclasses
 import inspect
 import sys
 import textwrap
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
 
 from hilbertvae.checks import InputError
 
@@ -30,17 +31,20 @@ def settings_of(kind: type[T], words: list[str]) -> T:
             raise InputError(f"{key}: given more than once")
         if key not in {part.name for part in dataclasses.fields(kind)}:
             raise InputError(f"{key}: unknown key; expected one of {', '.join(part.name for part in dataclasses.fields(kind))}")
-    schema = OmegaConf.structured(kind)
+    schema, texts = OmegaConf.structured(kind), {}
     for word, key in zip(words, keys, strict=True):
         text = word.partition("=")[2]
+        if types_of(kind)[key] in ("str", "str | None"):
+            texts[key] = None if text == "null" else text  # as it was typed: a path may hold what YAML and OmegaConf read as their own
+            continue
         try:
-            # A path may hold anything, also what YAML reads as something else: a text stays as it was typed.
-            texts = types_of(kind)[key] in ("str", "str | None")
-            value: Any = (None if text == "null" else text) if texts else OmegaConf.from_dotlist([f"value={text}"])["value"]
-            OmegaConf.update(schema, key, value)
-        except (OmegaConfBaseException, ValueError) as error:
+            OmegaConf.update(schema, key, OmegaConf.from_dotlist([f"value={text}"])["value"])
+        except (OmegaConfBaseException, YAMLError, ValueError) as error:
             raise InputError(f"{key}: expected {types_of(kind)[key]}, got {text!r}") from error
-    return OmegaConf.to_object(schema)
+    settings = OmegaConf.to_object(schema)
+    for key, text in texts.items():
+        setattr(settings, key, text)
+    return settings
 
 
 def types_of(kind: type) -> dict[str, str]:
@@ -54,7 +58,8 @@ def keyword_help(command: str, kind: type, about: str) -> str:
     lines = [f"{command} key=value ...", "", about, ""]
     for part in dataclasses.fields(kind):
         default = part.default if part.default is not dataclasses.MISSING else part.default_factory()
-        shown = {None: "null", True: "on", False: "off", "": "(needed)"}.get(default, default) if not isinstance(default, list) else default
+        shown = "null" if default is None else default if default != "" else "(needed)"
+        shown = ("off", "on")[default] if isinstance(default, bool) else shown
         lines += [f"  {part.name}={shown}", *(f"      {line}" for line in said.get(part.name, "").splitlines())]
     return "\n".join(lines)
 

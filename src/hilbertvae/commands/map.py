@@ -3,28 +3,36 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 import warnings
+from dataclasses import fields
 from pathlib import Path
 
 from rich.console import Console
+from rich.text import Text
 
 from hilbertvae.checks import InputError
 from hilbertvae.commands.keywords import run_command
 from hilbertvae.mapping import SUMMARY, MapSettings, make_map
+from hilbertvae.scans.formats import ReadingSettings
 
 ABOUT = "Map the scans at a path and fill in what the sensor could not see. Nothing but scans= is needed."
+
+
+GROUPED = rf"\breading\.({'|'.join(part.name for part in fields(ReadingSettings))})\b"
+"""Settings that are a group elsewhere stand alone here."""
 
 
 def run(settings: MapSettings) -> None:
     """Make the map, say what it came out as."""
     console = Console(stderr=True)
-    warnings.showwarning = lambda message, *rest, **named: console.print(f"[yellow]{message}[/]", highlight=False)
+    warnings.showwarning = lambda message, *rest, **named: console.print(Text(str(message), "yellow"))
     try:
         with console.status("start") as status:
-            output = make_map(settings, lambda stage: status.update(f"{settings.scans}: {stage}"))
+            output = make_map(settings, lambda stage: status.update(Text(f"{settings.scans}: {stage}")))
     except InputError as error:
-        raise InputError(str(error).replace("reading.", "")) from error  # what is a group of settings elsewhere stands alone here
+        raise InputError(re.sub(GROUPED, r"\1", str(error))) from error
     summary = json.loads((output / SUMMARY).read_text(encoding="utf-8"))
     print(report(summary, output))
 

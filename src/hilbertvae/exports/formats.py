@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -39,21 +40,37 @@ EXPORTS: dict[str, Export] = {
 }
 
 
-def check_exports(names: Sequence[str] | None, dimension: int) -> list[str]:
-    """The names of the formats to write; an `InputError` for one that is unknown, does not suit the dimension or needs an extra."""
+def check_names(names: Sequence[str] | None) -> None:
+    """An `InputError` for a name that is no format, or one that needs an extra which is not installed."""
+    for name in names or ():
+        if name not in EXPORTS:
+            raise InputError(f"exports: expected some of {', '.join(EXPORTS)}, got {name!r}")
+        if EXPORTS[name].module and find_spec(EXPORTS[name].module) is None:
+            raise InputError(f"exports: {name} needs the extra {name!r}: pip install hilbertvae[{name}]")
+
+
+def suiting_exports(names: Sequence[str] | None, dimension: int) -> list[str]:
+    """The names of the formats to write, all that suit unless given; an `InputError` for one that does not suit the dimension."""
     if names is None:
         return [name for name, kind in EXPORTS.items() if dimension in kind.dimensions and not kind.module]
     for name in names:
-        if name not in EXPORTS:
-            raise InputError(f"exports: expected some of {', '.join(EXPORTS)}, got {name!r}")
         if dimension not in EXPORTS[name].dimensions:
             raise InputError(f"exports: {name} is for {EXPORTS[name].dimensions[0]}D maps, got a {dimension}D one")
-        if EXPORTS[name].module and find_spec(EXPORTS[name].module) is None:
-            raise InputError(f"exports: {name} needs the extra {name!r}: pip install hilbertvae[{name}]")
     return list(dict.fromkeys(names))
 
 
-def write_exports(names: Sequence[str], cells: MapCells, folder: Path) -> None:
-    """Write the files of these formats into `folder`."""
+def write_exports(names: Sequence[str], cells: MapCells, folder: Path, asked_for: bool = True) -> None:
+    """Write the files of these formats into `folder`.
+
+    A map may be too large for a format. What was asked for then ends in an `InputError`; what was not is left out, with a warning.
+    """
     for name in names:
-        EXPORTS[name].write(cells, folder / EXPORTS[name].file)
+        before = set(folder.iterdir())
+        try:
+            EXPORTS[name].write(cells, folder / EXPORTS[name].file)
+        except InputError as error:
+            if asked_for:
+                raise InputError(f"exports: {name}: {error}") from error
+            for file in set(folder.iterdir()) - before:
+                file.unlink()
+            warnings.warn(f"{name} is left out: {error}", stacklevel=2)

@@ -19,6 +19,9 @@ from hilbertvae.reports.surface_pictures import whole_view
 MOST_PX = 2400
 """Cells along a side of a drawn 2D map; the likeliest to be occupied of those that become one, so that thin walls stay."""
 
+LEAST_VOXELS = 8
+"""A 3D view is at least so wide."""
+
 
 def write_picture(cells: MapCells, path: str | os.PathLike, title: str) -> Path:
     """The picture of a sampled map at `path`. Raises `InputError` for a map without known cells."""
@@ -50,7 +53,8 @@ def _flat(cells: MapCells, title: str) -> Figure:
 def _solid(cells: MapCells, title: str) -> Figure:
     """The occupied voxels from obliquely above, coloured by height, what was filled in tinted."""
     occupied = cells.select(cells.occupied) if cells.occupied.any() else cells.select(np.argsort(cells.probability)[-1:])
-    camera = whole_view(occupied.centres)
+    margin = LEAST_VOXELS / 2 * cells.resolution_m  # else a single voxel would be seen from no distance
+    camera = whole_view(np.concatenate([occupied.centres - margin, occupied.centres + margin]))
     height_m = heights_above_ground(occupied)
     side = 9.0
     figure = new_figure(side, 2 * (side * camera.pixels[1] / camera.pixels[0] + 0.3))

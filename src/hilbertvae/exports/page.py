@@ -24,14 +24,13 @@ from hilbertvae.files import atomic
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
 from hilbertvae.reports.colours import GAP_COLOUR, PROBABILITY, UNCERTAINTY
 from hilbertvae.reports.lit_colours import HEIGHT, HEIGHTS_M, LIT
+from hilbertvae.reports.uncertainty_pictures import WIDEST_STD
 
 TEMPLATE = Path(__file__).with_suffix(".html")
 MOST_CELLS = 1_500_000
 """In 3D more voxels than these are joined, two to a side, until they fit: a browser has to hold and turn them."""
 MOST_PIXELS = 8_000
 """Along a side of a 2D map's picture; browsers refuse much larger ones."""
-WIDEST_STD = 0.5
-"""The end of the scale of uncertainty: answers can't disagree more."""
 
 
 def write_page(cells: MapCells, path: str | os.PathLike, title: str, tables: dict[str, list[list[str]]]) -> Path:

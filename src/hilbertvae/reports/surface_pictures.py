@@ -53,8 +53,9 @@ def site_view_picture(view: SiteView) -> Figure:
 
 def whole_view(points: np.ndarray) -> Camera:
     """A view across the longer side of a site, as high as the site needs, without the few points far off."""
-    low, high = np.quantile(points, [0.001, 0.999], axis=0)
-    points = points[((points >= low) & (points <= high)).all(axis=1)]
+    if len(points) >= 1000:
+        low, high = np.quantile(points, [0.001, 0.999], axis=0)
+        points = points[((points >= low) & (points <= high)).all(axis=1)]
     flat = points[:, :2] - points[:, :2].mean(axis=0)
     along = np.linalg.eigh(flat.T @ flat)[1][:, 1]
     azimuth = math.degrees(math.atan2(along[1], along[0])) + 90

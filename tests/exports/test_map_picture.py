@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+from PIL import Image
+
+from hilbertvae.checks import InputError
+from hilbertvae.exports.map_cells import MapCells
+from hilbertvae.exports.map_picture import write_picture
+
+
+def cells_of(index, observed=True, probability=0.9):
+    count = len(index)
+    return MapCells(np.array(index), 0.2, np.full(count, probability), np.zeros(count), np.full(count, observed))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("count", [1, 2, 500])
+def test_any_number_of_cells_makes_a_picture(dimension, count, tmp_path):
+    index = np.unique(np.random.default_rng(0).integers(0, 30, (count, dimension)), axis=0) - 10_000_000
+    image = np.asarray(Image.open(write_picture(cells_of(index), tmp_path / "map.png", "a map")))
+    assert image.shape[0] > 100 and image.std() > 5
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_what_was_filled_in_is_in_the_second_panel_alone(dimension, tmp_path):
+    index = np.stack(np.meshgrid(*[np.arange(12)] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+    observed = index[:, 0] < 6
+    cells = MapCells(index, 0.2, np.full(len(index), 0.95), np.zeros(len(index)), observed)
+    image = np.asarray(Image.open(write_picture(cells, tmp_path / "map.png", "")).convert("L")).astype(int)
+    halves = np.array_split(image, 2, axis=1 if dimension == 2 else 0)
+    dark = [np.count_nonzero((half > 20) & (half < 150)) if dimension == 3 else np.count_nonzero(half < 60) for half in halves]
+    assert dark[1] > 1.2 * dark[0] > 0
+
+
+def test_free_space_alone_is_no_fault(tmp_path):
+    index = np.stack(np.meshgrid(*[np.arange(5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    assert write_picture(cells_of(index, probability=0.1), tmp_path / "map.png", "free").exists()
+
+
+def test_no_cells(tmp_path):
+    with pytest.raises(InputError, match="map.png: expected a map with known cells"):
+        write_picture(cells_of(np.zeros((0, 2), int)), tmp_path / "map.png", "none")
+    assert not list(tmp_path.iterdir())
