@@ -56,11 +56,12 @@ def keyword_help(command: str, kind: type, about: str) -> str:
     """What `--help` prints: all keys with their defaults and what the source says of them."""
     said = _documents(kind)
     lines = [f"{command} key=value ...", "", about, ""]
-    for part in dataclasses.fields(kind):
+    own = [part for part in dataclasses.fields(kind) if part.name in kind.__annotations__]
+    for part in own + [part for part in dataclasses.fields(kind) if part not in own]:  # what is inherited comes last
         default = part.default if part.default is not dataclasses.MISSING else part.default_factory()
         shown = "null" if default is None else default if default != "" else "(needed)"
         shown = ("off", "on")[default] if isinstance(default, bool) else shown
-        lines += [f"  {part.name}={shown}", *(f"      {line}" for line in said.get(part.name, "").splitlines())]
+        lines += [f"  {part.name}={shown}", *textwrap.wrap(said.get(part.name, ""), 100, initial_indent=" " * 6, subsequent_indent=" " * 6)]
     return "\n".join(lines)
 
 
