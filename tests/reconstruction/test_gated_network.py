@@ -148,7 +148,7 @@ def test_every_weight_is_trained():
     ("settings", "cells", "message"),
     [
         ({"blocks": [1, 1]}, 16, "network.blocks: expected 3"),
-        ({"encoding": "colour"}, 16, "network.encoding: expected one of signed, hit_free, got 'colour'"),
+        ({"encoding": "colour"}, 16, "network.encoding: expected one of signed, hit_free, detailed, got 'colour'"),
         ({}, 12, r"grid.cells: expected a multiple of 8 \(stem and 3 levels\), got 12"),
     ],
 )

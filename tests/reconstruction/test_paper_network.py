@@ -144,7 +144,7 @@ def test_dropout_only_in_training():
     ("settings", "cells", "message"),
     [
         ({"kernels": [5]}, 8, "network.kernels: expected 2"),
-        ({"encoding": "colour"}, 8, "network.encoding: expected one of signed, hit_free, got 'colour'"),
+        ({"encoding": "colour"}, 8, "network.encoding: expected one of signed, hit_free, detailed, got 'colour'"),
         ({}, 10, "grid.cells: expected a multiple of 4"),
         ({"tied": True, "encoding": "hit_free"}, 8, "network.tied: .*encoding: signed"),
     ],

@@ -14,6 +14,12 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.grids.frame import Frames
 
 FREE, UNKNOWN, OCCUPIED = -1, 0, 1
+PLACE_STEPS = 240
+"""Steps in a cell's side, by which places in it are kept: all of them fit in an int8."""
+COUNT_STEPS = 12
+"""Steps in which counts are kept for each power of e."""
+SLACK = 1e-9
+"""Of a cell: keeps points on a lattice plane, such as voxel centres of an aligned box, from falling a cell short by rounding."""
 CELLS_AT_ONCE = 2**18
 """Cells counted at a time: few enough that they and their points stay in the processor's cache. Changes no number."""
 
@@ -36,25 +42,50 @@ def bin_portions(cloud: Cloud, frames: Frames, cells: int) -> Iterator[tuple[sli
     if not len(cloud) or not count:
         return
     size = cells**dimension
-    at_once = max(1, CELLS_AT_ONCE // size)
-    index = BucketIndex(cloud.points, float(np.median(frames.scale)) / 4)
-    low, high = frames.boxes()
-    for start in range(0, count, at_once):
-        chosen = slice(start, min(start + at_once, count))
-        box, point = index.in_boxes(low[chosen], high[chosen])
-        cell, inside = cell_index(frames, cloud.points[point], box + start, cells)
-        flat = (cloud.occupied[point] * (chosen.stop - start) + box)[inside] * size + cell[inside]
-        portion = np.bincount(flat, weights=cloud.weight[point[inside]], minlength=2 * (chosen.stop - start) * size)
+    for chosen, box, point, cell in _members(cloud, frames, cells):
+        grids = chosen.stop - chosen.start
+        flat = (cloud.occupied[point] * grids + box) * size + cell
+        portion = np.bincount(flat, weights=cloud.weight[point], minlength=2 * grids * size)
         frees, hits = portion.astype(np.float32).reshape(2, -1, *(cells,) * dimension)
         yield chosen, hits, frees
+
+
+def bin_places(cloud: Cloud, frames: Frames, cells: int) -> np.ndarray:
+    """int8 (M, D, cells, ..., cells): where in each cell its points lie, on average by weight, from the cell's middle along each axis of
+    the frame, in `PLACE_STEPS`ths of a cell; 0 in empty cells."""
+    count, dimension = frames.centre.shape
+    places = np.zeros((count, dimension, cells**dimension), np.int8)
+    if not len(cloud) or not count:
+        return places.reshape(count, dimension, *(cells,) * dimension)
+    for chosen, box, point, cell in _members(cloud, frames, cells):
+        flat, weight = box * cells**dimension + cell, cloud.weight[point]
+        length = (chosen.stop - chosen.start) * cells**dimension
+        total = np.maximum(np.bincount(flat, weights=weight, minlength=length), 1e-9)
+        within = (frames.into(cloud.points[point], box + chosen.start) + 0.5) * cells + SLACK
+        within -= np.floor(within) + 0.5
+        for axis, moved in enumerate(within.T):
+            mean = np.bincount(flat, weights=weight * moved, minlength=length) / total
+            places[chosen, axis] = np.round(PLACE_STEPS * mean).reshape(-1, cells**dimension)
+    return places.reshape(count, dimension, *(cells,) * dimension)
+
+
+def _members(cloud: Cloud, frames: Frames, cells: int) -> Iterator[tuple[slice, np.ndarray, np.ndarray, np.ndarray]]:
+    """(frames, box, point, cell) for some frames after the other: which points lie in which box of these, and in which cell of it."""
+    at_once = max(1, CELLS_AT_ONCE // cells ** frames.centre.shape[1])
+    index = BucketIndex(cloud.points, float(np.median(frames.scale)) / 4)
+    low, high = frames.boxes()
+    for start in range(0, len(frames), at_once):
+        chosen = slice(start, min(start + at_once, len(frames)))
+        box, point = index.in_boxes(low[chosen], high[chosen])
+        cell, inside = cell_index(frames, cloud.points[point], box + start, cells)
+        yield chosen, box[inside], point[inside], cell[inside]
 
 
 def cell_index(frames: Frames, points: np.ndarray, frame: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray]:
     """The flat cell (P,) that holds each point in the grid of its frame, and whether the box holds it at all (P,) bool."""
     flat, inside = np.zeros(len(points), np.int64), np.ones(len(points), bool)
     for axis in frames.into(points, frame).T:
-        # The slack keeps points on a lattice plane, such as voxel centres of an aligned box, from falling a cell short by rounding.
-        cell = np.floor((axis + 0.5) * cells + 1e-9).astype(np.int64)
+        cell = np.floor((axis + 0.5) * cells + SLACK).astype(np.int64)
         inside &= (cell >= 0) & (cell < cells)
         flat = flat * cells + cell
     return flat, inside
@@ -69,6 +100,11 @@ def vote(hits: np.ndarray, frees: np.ndarray, occupied_share: float = 0.5) -> np
     # A quotient, as in the `voxels` cloud: in float32 a product misses ties, such as 3 of 20 votes at 0.15.
     found = np.divide(hits, total, out=np.zeros_like(total), where=total > 0)
     return np.where(total == 0, UNKNOWN, np.where(found >= occupied_share, OCCUPIED, FREE)).astype(np.int8)
+
+
+def count_code(votes: np.ndarray) -> np.ndarray:
+    """int8 codes of counts, finer where few votes tell more: round(12 log(1 + votes)), at most 127, from 39 000 votes on."""
+    return np.minimum(np.round(COUNT_STEPS * np.log1p(votes)), 127).astype(np.int8)
 
 
 def share(hits: np.ndarray, frees: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
 from hilbertvae.clusters.clusters import Clusters
 from hilbertvae.clusters.starts import check_start, find_clusters
-from hilbertvae.grids.aligned_grid import UNKNOWN, bin_portions, vote
+from hilbertvae.grids.aligned_grid import UNKNOWN, bin_places, bin_portions, count_code, vote
 from hilbertvae.grids.frame import Frames, FrameSettings, cluster_frames
 
 
@@ -75,3 +75,25 @@ def bin_grids(cloud: Cloud, frames: Frames, settings: GridSettings) -> np.ndarra
     for chosen, hits, frees in bin_portions(cloud, frames, settings.cells):
         grids[chosen] = vote(hits, frees, settings.occupied_share)
     return grids
+
+
+def bin_detailed(cloud: Cloud, frames: Frames, settings: GridSettings) -> np.ndarray:
+    """int8 (M, 3 + D, n, ..., n) of all points of the cloud in the frames' boxes: in each cell its label, as of `bin_grids`, how many
+    returns it has and how many free samples (`count_code`), and where in it its returns lie (`bin_places`)."""
+    dimension = frames.centre.shape[1]
+    grids = np.zeros((len(frames), 3 + dimension, *(settings.cells,) * dimension), np.int8)
+    for chosen, hits, frees in bin_portions(cloud, frames, settings.cells):
+        for channel, found in enumerate((vote(hits, frees, settings.occupied_share), count_code(hits), count_code(frees))):
+            grids[chosen, channel] = found
+    grids[:, 3:] = bin_places(cloud.select(cloud.occupied), frames, settings.cells)
+    return grids
+
+
+def bin_shown(cloud: Cloud, frames: Frames, settings: GridSettings, detailed: bool) -> np.ndarray:
+    """What a network is shown: `bin_detailed`, or labels alone (`bin_grids`)."""
+    return (bin_detailed if detailed else bin_grids)(cloud, frames, settings)
+
+
+def labels_of(shown: np.ndarray, dimension: int) -> np.ndarray:
+    """The labels (M, n, ..., n) of what `bin_shown` gives; of torch tensors, too."""
+    return shown[:, 0] if shown.ndim == dimension + 2 else shown

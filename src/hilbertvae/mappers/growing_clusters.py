@@ -15,8 +15,8 @@ from hilbertvae.bucket_index import BucketIndex
 from hilbertvae.cloud import Cloud
 from hilbertvae.clusters.clusters import Clusters, ball_sizes, search_tree
 from hilbertvae.clusters.starts import quick_means_seeds
-from hilbertvae.grids.aligned_grid import vote
-from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, frames_of
+from hilbertvae.grids.aligned_grid import count_code, vote
+from hilbertvae.grids.cluster_grids import GridSettings, bin_shown, frames_of
 from hilbertvae.grids.frame import Frames, FrameSettings
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_array import GrowingArray
@@ -29,7 +29,8 @@ FROM_SEEDS = FrameSettings(centre="seed", rotation="none", scale="fixed")
 class GrowingClusters:
     """The clusters of `evidence`, which `add` adds to; `settle` makes anew the grids of those that have changed since.
 
-    seeds: (M, D) of the clusters that there are, with their frames and completed grids. small_seeds: (S, D) those with too few returns;
+    detailed: whether `complete` takes grids as `bin_detailed` makes them, and not labels alone. seeds: (M, D) of the clusters that there
+    are, with their frames and completed grids. small_seeds: (S, D) those with too few returns;
     unless given, they are drawn from the returns that lie within the inner radius of no seed.
     """
 
@@ -37,13 +38,14 @@ class GrowingClusters:
         self,
         evidence: Evidence,
         grid: GridSettings,
+        detailed: bool,
         draw: int,
         seeds: np.ndarray,
         frames: Frames,
         completed: Completion,
         small_seeds: np.ndarray | None = None,
     ):
-        self.evidence, self.grid, self.draw = evidence, grid, draw
+        self.evidence, self.grid, self.detailed, self.draw = evidence, grid, detailed, draw
         self._seeds, self._centre, self._scale = GrowingArray(seeds), GrowingArray(frames.centre), GrowingArray(frames.scale)
         self._rotation = GrowingArray(np.array(frames.rotation))
         self._value = GrowingArray(completed.value)
@@ -77,7 +79,10 @@ class GrowingClusters:
         hit = rows[self.evidence.hits[rows] > before[0]]
         if self._cell_is_voxel():
             after = self.evidence.hits[rows], self.evidence.frees[rows]
-            rows = rows[self._label(*before) != self._label(*after)]
+            changed = self._label(*before) != self._label(*after)
+            if self.detailed:
+                changed |= (after[0] > before[0]) | (count_code(after[1]) != count_code(before[1]))
+            rows = rows[changed]
         touched = self._touched(rows)
         self.stale[touched] = True
         count = len(self.seeds)
@@ -94,7 +99,7 @@ class GrowingClusters:
         if not len(stale):
             return
         frames = Frames(self._centre.rows[stale], self._rotation.rows[stale], self._scale.rows[stale])
-        completed = complete(bin_grids(self.evidence.cloud(*frames.boxes()), frames, self.grid))
+        completed = complete(bin_shown(self.evidence.cloud(*frames.boxes()), frames, self.grid, self.detailed))
         self._value.rows[stale] = completed.value
         if self._known is not None:
             self._known.rows[stale] = completed.known

@@ -7,6 +7,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
+from hilbertvae.grids.cluster_grids import bin_shown
 from hilbertvae.grids.frame import Frames
 from hilbertvae.mappers.growing_clusters import GrowingClusters
 from hilbertvae.mappers.mapper import Mapper
@@ -43,7 +44,8 @@ class GrowingMapper(Mapper):
             cloud = Cloud(points, self._known_labels(occupied), weight)
         if self._growing is None:
             completed = Completion(self.grids_, self.known_)
-            self._growing = GrowingClusters(self.evidence_, self.grid_, self.seed, self.seeds_, self.frames_, completed, self.small_seeds_)
+            settings = self.grid_, self.detailed_, self.seed
+            self._growing = GrowingClusters(self.evidence_, *settings, self.seeds_, self.frames_, completed, self.small_seeds_)
         growing = self._growing
         growing.add(cloud)
         self.seeds_, self.small_seeds_, self.frames_ = growing.seeds, growing.small_seeds, growing.frames
@@ -69,9 +71,9 @@ class GrowingMapper(Mapper):
         """A map of what the cloud observed, without any grid."""
         self._start(cloud)
         dimension = cloud.points.shape[1]
-        completed = self._complete(np.empty((0, *(self.grid_.cells,) * dimension), np.int8))
-        self.seeds_, self.factors_ = np.empty((0, dimension)), None
-        self.frames_ = Frames(self.seeds_, np.empty((0, dimension, dimension)), np.empty(0))
+        nothing, nowhere = cloud.select(slice(0)), Frames(*(np.empty((0, *(dimension,) * axes)) for axes in (1, 2, 0)))
+        completed = self._complete(bin_shown(nothing, nowhere, self.grid_, self.detailed_))
+        self.seeds_, self.factors_, self.frames_ = np.empty((0, dimension)), None, nowhere
         self.grids_, self.known_ = completed.value, completed.known
 
     def _checked(self, queries):

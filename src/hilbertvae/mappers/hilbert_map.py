@@ -15,7 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
-from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, cloud_clusters, frames_of
+from hilbertvae.grids.cluster_grids import GridSettings, bin_shown, cloud_clusters, frames_of
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernels
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
@@ -89,7 +89,7 @@ class HilbertMap(GrowingMapper):
         clusters = cloud_clusters(cloud, self.grid_, self.seed)
         self.seeds_, self.frames_ = clusters.seeds, frames_of(clusters, cloud, self.grid_)
         self.factors_ = self._cluster_factors(cloud) if self.weights == "cluster" and len(self.frames_) else None
-        completed = self._complete(bin_grids(cloud, self.frames_, self.grid_))
+        completed = self._complete(bin_shown(cloud, self.frames_, self.grid_, self.detailed_))
         self.grids_, self.known_ = completed.value, completed.known
 
     @property
@@ -143,6 +143,10 @@ class HilbertMap(GrowingMapper):
             raise InputError("checkpoint: the Hilbert Map's weights were learned by another version; train again")
         return weights if self.evidence else weights.grids_alone()
 
+    @property
+    def detailed_(self) -> bool:
+        return self.reconstructor is not None and self.reconstructor.detailed  # more of each cell than its label
+
     def _complete(self, grids: np.ndarray) -> Completion:
         if self.reconstructor is None:
             return Completion(grids, None)
@@ -152,7 +156,7 @@ class HilbertMap(GrowingMapper):
         """The `cluster` rule's factors, from gaps hidden from the network for this fit alone: else copying would look like skill."""
         gaps = random_gaps(cloud, HIDDEN_GAP_M, self.evidence_.resolution_m, seed=self.seed)
         part = gaps.part(cloud.points)
-        hidden = bin_grids(cloud.select(part == OUTSIDE), self.frames_, self.grid_)
+        hidden = bin_shown(cloud.select(part == OUTSIDE), self.frames_, self.grid_, self.detailed_)
         target = cloud.select(part != OUTSIDE)
         holding = self.index_.holding(target.points, self.neighbours)
         (values,) = kernels([self._complete(hidden).value], self.frames_, target.points, holding)

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction.symmetry import apply, symmetries
+from hilbertvae.reconstruction.symmetry import apply, apply_detailed, symmetries
 
 
 @dataclass
@@ -29,18 +29,23 @@ class AugmentationSettings:
 
 
 def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings) -> tuple[Tensor, Tensor]:
-    """(shown, target), int8 (B, n, ..., n), moved by the same symmetry, grid by grid, and with balls cut from `shown`."""
+    """(shown, target), moved by the same symmetry, grid by grid, and with balls cut from `shown`.
+
+    target: int8 (B, n, ..., n); shown: the same, or (B, 3 + D, n, ..., n) as `bin_detailed` makes them.
+    """
+    detailed = shown.ndim > target.ndim
+    move_shown = apply_detailed if detailed else apply
     if settings.symmetric:
         moves = symmetries(target.ndim - 1)
         order = torch.randperm(len(shown))
         portions = [order[k :: len(moves)] for k in range(len(moves))]
-        moved = [(apply(shown[p], move), apply(target[p], move)) for p, move in zip(portions, moves, strict=True)]
+        moved = [(move_shown(shown[p], move), apply(target[p], move)) for p, move in zip(portions, moves, strict=True)]
         shown, target = (torch.cat(parts) for parts in zip(*moved, strict=True))
     for number in range(settings.balls):
         inside = random_balls(target, settings.ball_diameter_cells)
         if number:
             inside &= (torch.rand(len(shown), device=inside.device) < 0.5).reshape(-1, *(1,) * (inside.ndim - 1))
-        shown = torch.where(inside, 0, shown)
+        shown = torch.where(inside.unsqueeze(1) if detailed else inside, 0, shown)
     return shown, target
 
 

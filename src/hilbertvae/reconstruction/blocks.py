@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from hilbertvae.checks import InputError
+from hilbertvae.grids.aligned_grid import COUNT_STEPS, PLACE_STEPS
 
 CONVOLUTION = {2: nn.Conv2d, 3: nn.Conv3d}
 MAX_POOL = {2: F.max_pool2d, 3: F.max_pool3d}
@@ -36,19 +37,37 @@ def signed(grids: Tensor) -> Tensor:
     return grids.unsqueeze(1).float()
 
 
+HIT_FREE_CHANNELS = 2
+
+
 def hit_free(grids: Tensor) -> Tensor:
     """Two channels, hit and free; both 0 where unknown, so that unknown is no value between the two."""
     return torch.stack([grids > 0, grids < 0], dim=1).float()
 
 
-ENCODINGS = {"signed": (signed, 1), "hit_free": (hit_free, 2)}
+def detailed(grids: Tensor) -> Tensor:
+    """`hit_free` of the labels of (B, 3 + D, n, ..., n) int8 grids, as `bin_detailed` makes them, and their counts and places, each
+    about 1 where it is large."""
+    details = grids[:, 1:].float()
+    scale = torch.tensor([4.0 * COUNT_STEPS] * 2 + [PLACE_STEPS / 2] * (details.shape[1] - 2), device=grids.device)
+    return torch.cat([hit_free(grids[:, 0]), details / scale.reshape(-1, *(1,) * (grids.ndim - 2))], dim=1)
 
 
-def find_encoding(name: str) -> tuple[Callable[[Tensor], Tensor], int]:
-    """What makes a network's input of int8 codes, and how many channels that has; an `InputError` for an unknown name."""
+ENCODINGS = {"signed": (signed, (1, 1)), "hit_free": (hit_free, (HIT_FREE_CHANNELS,) * 2), "detailed": (detailed, (6, 7))}
+"""What makes the input, and how many channels that has in 2 and in 3 dimensions."""
+
+
+def find_encoding(name: str, dimension: int) -> tuple[Callable[[Tensor], Tensor], int]:
+    """What makes a network's input of int8 grids, and how many channels that has; an `InputError` for an unknown name."""
     if name not in ENCODINGS:
         raise InputError(f"network.encoding: expected one of {', '.join(ENCODINGS)}, got {name!r}")
-    return ENCODINGS[name]
+    encode, channels = ENCODINGS[name]
+    return encode, channels[dimension - 2]
+
+
+def is_detailed(name: str) -> bool:
+    """Whether an encoding takes grids as `bin_detailed` makes them, and not labels alone."""
+    return ENCODINGS[name][0] is detailed
 
 
 def group_norm(channels: int) -> nn.GroupNorm:

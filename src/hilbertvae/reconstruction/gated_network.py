@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from hilbertvae.checks import InputError
+from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.blocks import (
     CONVOLUTION,
     MEAN_POOL,
@@ -43,6 +44,8 @@ class GatedNetworkSettings:
     """A second output: whether a cell would be known at all if the site were scanned as training sites were."""
     dropout: float = 0.0
     encoding: str = "hit_free"
+    """What the network is shown: `hit_free`, the labels of cells; `detailed`, also how many returns and free samples each cell has, and
+    where in it its returns lie; `signed`, the paper's."""
 
 
 class GatedNetwork(nn.Module):
@@ -70,7 +73,7 @@ class GatedNetwork(nn.Module):
         self.bottom = (channels[-1], *(cells // reduction,) * dimension)
         features = math.prod(self.bottom) if settings.bottom == "flat" else channels[-1]
         convolution = CONVOLUTION[dimension]
-        self.encode_input, inputs = find_encoding(settings.encoding)
+        self.encode_input, inputs = find_encoding(settings.encoding, dimension)
         self.stem = convolution(inputs, channels[0], settings.stem, stride=settings.stem)
         self.down = nn.ModuleList(self._level(i) for i in range(levels))
         self.shrink = nn.ModuleList(convolution(channels[i], channels[i + 1], 2, stride=2) for i in range(levels - 1))
@@ -90,9 +93,9 @@ class GatedNetwork(nn.Module):
         )
 
     def forward(self, grids: Tensor) -> Reconstruction:
-        """`grids (B, n, ..., n)` int8 codes."""
+        """`grids (B, n, ..., n)` int8 codes; with a `detailed` encoding (B, 3 + D, n, ..., n)."""
         x = self.stem(self.encode_input(grids))
-        gate = MEAN_POOL[self.dimension]((grids != 0).unsqueeze(1).to(x.dtype), self.settings.stem)
+        gate = MEAN_POOL[self.dimension]((labels_of(grids, self.dimension) != 0).unsqueeze(1).to(x.dtype), self.settings.stem)
         kept = []
         for level, blocks in enumerate(self.down):
             x = blocks(x)

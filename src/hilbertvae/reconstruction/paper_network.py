@@ -41,7 +41,7 @@ class PaperNetwork(nn.Module):
         if cells % 2**depth:
             raise InputError(f"grid.cells: expected a multiple of {2**depth} for {depth} poolings, got {cells}")
         self.settings, self.dimension = settings, dimension
-        self.encode_input, inputs = find_encoding(settings.encoding)
+        self.encode_input, inputs = find_encoding(settings.encoding, dimension)
         if settings.tied and inputs != 1:
             raise InputError("network.tied: tied weights need encoding: signed, so that input and output have one channel each")
         convolution = CONVOLUTION[dimension]

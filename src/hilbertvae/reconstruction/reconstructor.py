@@ -16,13 +16,14 @@ from torch import nn
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import atomic
-from hilbertvae.grids.cluster_grids import GridSettings
+from hilbertvae.grids.cluster_grids import GridSettings, labels_of
 from hilbertvae.grids.frame import FrameSettings
+from hilbertvae.reconstruction.blocks import is_detailed
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, LikelihoodSettings
 from hilbertvae.reconstruction.networks import NetworkSettings, build_network, network_settings
 from hilbertvae.reconstruction.packed_weights import pack, unpack
 from hilbertvae.reconstruction.shipped import checkpoint_path
-from hilbertvae.reconstruction.symmetry import apply, symmetries, undo
+from hilbertvae.reconstruction.symmetry import apply, apply_detailed, symmetries, undo
 
 FORMAT = "hilbertvae-reconstructor-1"
 
@@ -54,22 +55,29 @@ class Reconstructor:
     card: dict = field(default_factory=dict)
     seconds: dict = field(default_factory=dict)
 
+    @property
+    def detailed(self) -> bool:
+        """Whether the network is shown grids as `bin_detailed` makes them, and not labels alone."""
+        return is_detailed(self.network_settings.encoding)
+
     def complete(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> Completion:
-        """What the network makes of int8 `grids (M, n, ..., n)`: the mean over `flips` symmetries (1, 2, 4 or 8)."""
+        """What the network makes of int8 `grids`, as `bin_shown` makes them: the mean over `flips` symmetries (1, 2, 4 or 8)."""
         network = self.network.eval().to(device)
         kernel_value = LIKELIHOODS[self.likelihood.kind].kernel_value
         chosen = symmetries(self.dimension)[:flips]
-        value = np.empty(grids.shape, np.float16)
-        known = np.empty(grids.shape, np.uint8) if getattr(self.network_settings, "known", False) else None
+        labels, move = labels_of(grids, self.dimension), apply_detailed if self.detailed else apply
+        value = np.empty(labels.shape, np.float16)
+        known = np.empty(labels.shape, np.uint8) if getattr(self.network_settings, "known", False) else None
         with torch.inference_mode(), torch.autocast(device.split(":")[0], torch.bfloat16):
             for start in range(0, len(grids), batch):
                 portion = slice(start, start + batch)
                 shown = torch.from_numpy(grids[portion]).to(device)
-                found = [(s, network(apply(shown, s).contiguous())) for s in chosen]
+                found = [(s, network(move(shown, s).contiguous())) for s in chosen]
                 value[portion] = (sum(undo(kernel_value(given.output), s) for s, given in found) / flips).cpu().numpy()
                 if known is not None:
                     share = sum(undo(torch.sigmoid(given.known.float()), s) for s, given in found) / flips
-                    known[portion] = torch.where(shown != 0, 255, torch.round(255 * share)).to(torch.uint8).cpu().numpy()
+                    seen = labels_of(shown, self.dimension) != 0
+                    known[portion] = torch.where(seen, 255, torch.round(255 * share)).to(torch.uint8).cpu().numpy()
         return Completion(value, known)
 
     def reconstruct(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> np.ndarray:

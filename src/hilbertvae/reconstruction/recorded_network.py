@@ -55,6 +55,10 @@ class RecordedNetwork:
     def weights(self) -> dict:
         return self._found.weights
 
+    @property
+    def detailed(self) -> bool:
+        return self._found.detailed
+
     def complete(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> Completion:
         """As `Reconstructor.complete`."""
         return self._found.complete(grids, flips, batch, device)

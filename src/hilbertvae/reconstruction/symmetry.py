@@ -7,6 +7,8 @@ import itertools
 import torch
 from torch import Tensor
 
+PLACES = 3
+"""The channel of `bin_detailed` with which places in cells begin."""
 Symmetry = tuple[bool, tuple[int, ...]]
 """Whether the two horizontal axes are swapped, and which spatial axes (0-based) are flipped after that."""
 
@@ -23,6 +25,20 @@ def apply(grids: Tensor, symmetry: Symmetry) -> Tensor:
     if swap:
         grids = grids.transpose(1, 2)
     return torch.flip(grids, [axis + 1 for axis in axes]) if axes else grids
+
+
+def apply_detailed(grids: Tensor, symmetry: Symmetry) -> Tensor:
+    """`grids (B, 3 + D, n, ..., n)`, as `bin_detailed` makes them, moved by the symmetry: places in cells are mirrored with the cells."""
+    swap, axes = symmetry
+    if swap:
+        channels = list(range(grids.shape[1]))
+        channels[PLACES : PLACES + 2] = PLACES + 1, PLACES
+        grids = grids[:, channels].transpose(2, 3)
+    if axes:
+        grids = torch.flip(grids, [axis + 2 for axis in axes])
+        for axis in axes:
+            grids[:, PLACES + axis] *= -1  # a flip is a copy
+    return grids
 
 
 def undo(grids: Tensor, symmetry: Symmetry) -> Tensor:

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Polygon
 
 from hilbertvae.cloud import Cloud
 from hilbertvae.grids.aligned_grid import OCCUPIED, UNKNOWN
-from hilbertvae.grids.cluster_grids import bin_grids, find_frames
+from hilbertvae.grids.cluster_grids import bin_grids, bin_shown, find_frames, labels_of
 from hilbertvae.grids.frame import Frames
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
 from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -52,13 +52,14 @@ def pipeline_picture(
     """
     settings = reconstructor.grid
     frames = find_frames(cloud, settings, seed)
-    shown = bin_grids(cloud, frames, settings)
+    grids = bin_shown(cloud, frames, settings, reconstructor.detailed)
+    shown = labels_of(grids, reconstructor.dimension)
     target = bin_grids(whole, frames, settings) if whole is not None else shown
     if cluster is None:
         telling = (target == OCCUPIED) & (shown == UNKNOWN) if whole is not None else shown == OCCUPIED
         cluster = int(telling.reshape(len(shown), -1).sum(axis=1).argmax())
     layer = fullest_layer(target[cluster])
-    values = reconstructor.reconstruct(shown[[cluster]])[0]
+    values = reconstructor.reconstruct(grids[[cluster]])[0]
     probability = kernel_probability(values, reconstructor.likelihood.kind)
 
     titles = ["cloud", "cluster", "aligned grid", "reconstruction"] + ["truth"] * (whole is not None)

@@ -14,7 +14,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from hilbertvae.files import atomic
 from hilbertvae.gaps import INSIDE, Gaps
-from hilbertvae.grids.cluster_grids import bin_grids, find_frames
+from hilbertvae.grids.cluster_grids import bin_grids, bin_shown, find_frames, labels_of
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -146,10 +146,11 @@ def _network_figures(mapper: HilbertMap, site: Site, gaps: Gaps) -> dict[str, Fi
     """One cluster through the pipeline, reconstructions of clusters with gaps, and grids decoded from the prior."""
     network, shown = mapper.reconstructor, gaps.cut(site.fit)
     frames = find_frames(shown, network.grid, mapper.seed)
-    grids, target = bin_grids(shown, frames, network.grid), bin_grids(site.whole, frames, network.grid)
-    chosen = gapped_clusters(grids, target)
+    grids, target = bin_shown(shown, frames, network.grid, network.detailed), bin_grids(site.whole, frames, network.grid)
+    labels = labels_of(grids, site.dimension)
+    chosen = gapped_clusters(labels, target)
     figures = {"pipeline": pipeline_picture(shown, network, site.whole, seed=mapper.seed), "prior": prior_picture(network)}
     if len(chosen):
         values = network.reconstruct(grids[chosen], mapper.flips_)
-        figures["reconstructions"] = reconstruction_rows(grids[chosen], target[chosen], values, network.likelihood.kind)
+        figures["reconstructions"] = reconstruction_rows(labels[chosen], target[chosen], values, network.likelihood.kind)
     return figures

@@ -18,6 +18,7 @@ import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.files import atomic, hash_of
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
+from hilbertvae.reconstruction.blocks import is_detailed
 from hilbertvae.training.settings import Settings
 
 VALIDATION_SEEDS = (1_000_001, 1_000_002)
@@ -37,7 +38,7 @@ GRID_SOURCES = (
 
 
 class GridPairs(Dataset):
-    """Pairs (shown, target) of int8 grids, fetched a whole batch at a time."""
+    """Pairs (shown, target) of int8 grids, fetched a whole batch at a time; shown may have channels (`bin_detailed`)."""
 
     def __init__(self, shown: np.ndarray, target: np.ndarray):
         self.shown, self.target = torch.from_numpy(shown), torch.from_numpy(target)
@@ -87,9 +88,9 @@ class GridsDataModule(L.LightningDataModule):
         # From 1 on, since clustering 0 turns nothing: a simulated building stands square, and few real ones do.
         jobs += [(name, seed) for name in settings.simulated_sites() for seed in range(1, data.simulated_clusterings + 1)]
         validation = [(data.validate, seed) for seed in VALIDATION_SEEDS]
-        built = build_all(jobs + validation, settings)
-        self.train_pairs = GridPairs(*(np.concatenate(part) for part in zip(*built[: len(jobs)], strict=True)))
-        shown, target = (np.concatenate(part) for part in zip(*built[len(jobs) :], strict=True))
+        paths = build_all(jobs + validation, settings)
+        self.train_pairs = GridPairs(*load_pairs(paths[: len(jobs)], settings.dimension))
+        shown, target = load_pairs(paths[len(jobs) :], settings.dimension)
         some = np.random.default_rng(0).permutation(len(shown))[: settings.trainer.validation_grids]
         self.validation_pairs = GridPairs(shown[some], target[some])
         if not len(self.train_pairs) or not len(self.validation_pairs):
@@ -108,8 +109,8 @@ class GridsDataModule(L.LightningDataModule):
         return DataLoader(self.validation_pairs, sampler=batches, batch_size=None)
 
 
-def build_all(jobs: list[tuple[str, int]], settings: Settings) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(shown, target) of each (site, clustering seed), from the cache or built on all cores, with progress."""
+def build_all(jobs: list[tuple[str, int]], settings: Settings) -> list[Path]:
+    """The cache file of each (site, clustering seed); those that are not there are built on all cores, with progress."""
     paths = [Path(settings.data.cache) / f"grids-{grids_hash(name, seed, settings)}.npy" for name, seed in jobs]
     missing = {path: job for path, job in zip(paths, jobs, strict=True) if not path.exists()}
     work = (delayed(_build)(path, *job, settings) for path, job in missing.items())
@@ -117,7 +118,20 @@ def build_all(jobs: list[tuple[str, int]], settings: Settings) -> list[tuple[np.
         results = Parallel(n_jobs=-1, return_as="generator_unordered")(work)
         for _ in track(results, "Clustering sites", total=len(missing)):
             pass
-    return [tuple(np.load(path)) for path in paths]
+    return paths
+
+
+def load_pairs(paths: list[Path], dimension: int) -> tuple[np.ndarray, np.ndarray]:
+    """(shown, target) of all files, one after the other: filled in place, since they can take half of the memory that there is."""
+    files = [np.load(path, mmap_mode="r") for path in paths]
+    count, shape = sum(len(file) for file in files), files[0].shape[1:]
+    shown, target = np.empty((count, shape[0] - 1, *shape[1:]), np.int8), np.empty((count, *shape[1:]), np.int8)
+    start = 0
+    for file in files:
+        end = start + len(file)
+        shown[start:end], target[start:end] = file[:, :-1], file[:, -1]
+        start = end
+    return shown[:, 0] if shown.shape[1] == 1 else shown, target
 
 
 def grids_hash(name: str, seed: int, settings: Settings) -> str:
@@ -129,6 +143,7 @@ def grids_hash(name: str, seed: int, settings: Settings) -> str:
         "seed": seed,
         "resolution_m": settings.resolution_m,
         "grid": asdict(settings.grid),
+        "detailed": is_detailed(settings.network.encoding),
         "clustering": asdict(_clustering(seed, settings)),
     }
     return hash_of(made_of)
@@ -156,6 +171,9 @@ def draw_seed(name: str, seed: int, settings: Settings) -> int:
 
 def _build(path: Path, name: str, seed: int, settings: Settings) -> None:
     scans = settings.source().scans(name)
-    pair = training_grids(scans, settings.resolution_m, settings.grid, _clustering(seed, settings), draw_seed(name, seed, settings))
+    how = _clustering(seed, settings), draw_seed(name, seed, settings), is_detailed(settings.network.encoding)
+    shown, target = training_grids(scans, settings.resolution_m, settings.grid, *how)
+    if shown.ndim == target.ndim:
+        shown = shown[:, None]
     with atomic(path) as temporary:
-        np.save(temporary, np.stack(pair))
+        np.save(temporary, np.concatenate([shown, target[:, None]], axis=1))

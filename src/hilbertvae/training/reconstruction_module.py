@@ -11,7 +11,9 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from hilbertvae.checks import InputError
+from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.augmentation import augment
+from hilbertvae.reconstruction.blocks import HIT_FREE_CHANNELS, is_detailed
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, active_dimensions, free_bits, kl_divergence, kl_weight, known_nll
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -32,9 +34,16 @@ class ReconstructionModule(L.LightningModule):
         self.total_steps = settings.trainer.epochs * settings.trainer.steps_per_epoch
 
     def start_from(self, checkpoint: str) -> None:
-        """Take the weights of a trained network. An `InputError` names the file if its network is another."""
+        """Take the weights of a trained network. An `InputError` names the file if its network is another.
+
+        One that was shown labels alone goes on with what else a `detailed` encoding shows at no weight, and so as it was.
+        """
         found = Reconstructor.load(checkpoint).network.state_dict()
         own = self.network.state_dict()
+        stem, wanted = found.get("stem.weight"), own.get("stem.weight")
+        if stem is not None and wanted is not None and is_detailed(self.settings.network.encoding) and stem.shape[1] == HIT_FREE_CHANNELS:
+            further = stem.new_zeros(len(stem), wanted.shape[1] - HIT_FREE_CHANNELS, *stem.shape[2:])
+            found = {**found, "stem.weight": torch.cat([stem, further], dim=1)}
         # What says whether a cell would be known came later than the rest, and older networks don't have it.
         lacking = [name for name in own if name not in found and not name.startswith("known_head.")]
         if lacking or any(name not in own or own[name].shape != weights.shape for name, weights in found.items()):
@@ -46,6 +55,7 @@ class ReconstructionModule(L.LightningModule):
         torch.manual_seed(hash((self.settings.seed, self.global_step, self.global_rank)) % 2**63)
         shown, target = augment(*batch, self.settings.augmentation)
         found = self.network(shown)
+        shown = labels_of(shown, self.settings.dimension)
         fit = self.likelihood(found.output, target, shown).mean()
         loss = fit
         if found.known is not None:
@@ -69,6 +79,7 @@ class ReconstructionModule(L.LightningModule):
     def validation_step(self, batch: tuple[Tensor, Tensor], number: int) -> None:
         shown, target = batch
         found = self.network(shown)
+        shown = labels_of(shown, self.settings.dimension)
         removed = (shown == 0) & (target != 0)
         fit = self.likelihood(found.output, target, shown).mean()
         self.log("val/nll_per_grid", fit, batch_size=len(shown))
