@@ -8,7 +8,11 @@ import torch
 from torch import Tensor
 
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction.symmetry import apply, apply_detailed, symmetries
+from hilbertvae.grids.aligned_grid import COUNT_STEPS
+from hilbertvae.reconstruction.symmetry import PLACES, apply, apply_detailed, symmetries
+
+COUNTS = slice(1, PLACES)
+"""The channels of `bin_detailed` with how many returns and free samples each cell has."""
 
 
 @dataclass
@@ -21,11 +25,15 @@ class AugmentationSettings:
     """Gaps cut from each input on top of the clustering's: one always, each further one in half of the grids."""
     ball_diameter_cells: list[float] = field(default_factory=lambda: [10.0, 35.0])
     """Range of their diameters; at cells of 0.1 m, 1 to 3.5 m."""
+    count_factor: float = 4.0
+    """Where counts are shown, the most by which those of a grid are multiplied or divided: sites are scanned more and less."""
 
     def __post_init__(self):
         sizes = self.ball_diameter_cells
         if len(sizes) != 2 or not 0 < sizes[0] <= sizes[1]:
             raise InputError(f"augmentation.ball_diameter_cells: expected the smallest and the largest, got {sizes}")
+        if not self.count_factor >= 1:
+            raise InputError(f"augmentation.count_factor: expected at least 1, got {self.count_factor}")
 
 
 def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings) -> tuple[Tensor, Tensor]:
@@ -41,12 +49,24 @@ def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings) -> tu
         portions = [order[k :: len(moves)] for k in range(len(moves))]
         moved = [(move_shown(shown[p], move), apply(target[p], move)) for p, move in zip(portions, moves, strict=True)]
         shown, target = (torch.cat(parts) for parts in zip(*moved, strict=True))
+    if detailed and settings.count_factor > 1:
+        shown = scale_counts(shown, settings.count_factor)
     for number in range(settings.balls):
         inside = random_balls(target, settings.ball_diameter_cells)
         if number:
             inside &= (torch.rand(len(shown), device=inside.device) < 0.5).reshape(-1, *(1,) * (inside.ndim - 1))
         shown = torch.where(inside.unsqueeze(1) if detailed else inside, 0, shown)
     return shown, target
+
+
+def scale_counts(shown: Tensor, most: float) -> Tensor:
+    """`shown (B, 3 + D, n, ..., n)` with all counts of a grid multiplied by one factor, log-uniform from 1 / `most` to `most`; none of what
+    was seen becomes unseen."""
+    factor = most ** (2 * torch.rand(len(shown), device=shown.device) - 1)
+    codes = shown[:, COUNTS]
+    votes = torch.expm1(codes.float() / COUNT_STEPS) * factor.reshape(-1, *(1,) * (shown.ndim - 1))
+    scaled = torch.round(COUNT_STEPS * torch.log1p(votes)).clamp(1, 127).to(torch.int8)
+    return torch.cat([shown[:, :1], torch.where(codes > 0, scaled, 0), shown[:, PLACES:]], dim=1)
 
 
 def random_balls(target: Tensor, diameter_cells: list[float]) -> Tensor:
