@@ -5,7 +5,18 @@ from hypothesis import strategies as st
 
 from hilbertvae.cloud import Cloud
 from hilbertvae.grids import aligned_grid
-from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN, bin_points, cell_index, share, vote
+from hilbertvae.grids.aligned_grid import (
+    FREE,
+    OCCUPIED,
+    PLACE_STEPS,
+    UNKNOWN,
+    bin_places,
+    bin_points,
+    cell_index,
+    count_code,
+    share,
+    vote,
+)
 from hilbertvae.grids.frame import Frames
 
 
@@ -89,3 +100,34 @@ def test_share_cell_by_cell():
     hits, frees = np.array([0.0, 0.0, 5.0, 1.0, 0.25]), np.array([0.0, 2.0, 0.0, 1.0, 0.25])
     assert share(hits, frees).tolist() == [0, 1, 255, 128, 128]
     assert share(hits, frees).dtype == np.uint8
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(2, 3), turned=st.booleans(), cells=st.integers(2, 6))
+def test_places_in_cells_equal_brute_force(seed, dimension, turned, cells):
+    rng = np.random.default_rng(seed)
+    cloud = Cloud(rng.uniform(-3, 3, (80, dimension)), np.ones(80, bool), rng.integers(1, 9, 80).astype(float))
+    frames = random_frames(rng, 5, dimension, turned)
+    found = bin_places(cloud, frames, cells)
+    assert found.dtype == np.int8 and found.shape == (5, dimension, *(cells,) * dimension)
+    weight, moved = np.zeros((5, *(cells,) * dimension)), np.zeros(found.shape)
+    for m in range(5):
+        for point, one in zip(cloud.points, cloud.weight, strict=True):
+            inside = ((point - frames.centre[m]) @ frames.rotation[m] / frames.scale[m] + 0.5) * cells
+            cell = tuple(np.floor(inside).astype(int))
+            if all(0 <= i < cells for i in cell):
+                weight[m][cell] += one
+                moved[(m, slice(None), *cell)] += one * (inside - np.floor(inside) - 0.5)
+    expected = PLACE_STEPS * moved / np.maximum(weight, 1)[:, None]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=0.5 + 1e-6)
+    assert (np.abs(found) <= PLACE_STEPS / 2).all() and not found[np.broadcast_to(weight[:, None] == 0, found.shape)].any()
+
+
+@given(st.lists(st.floats(0, 1e9), min_size=2))
+def test_codes_of_counts_rise_and_tell_none_from_some(votes):
+    votes = np.sort(np.array(votes))
+    codes = count_code(votes)
+    assert codes.dtype == np.int8 and (np.diff(codes.astype(int)) >= 0).all()
+    assert (codes[votes == 0] == 0).all() and (codes[votes >= 1] >= 8).all()
+    small = votes[votes < 30_000]
+    np.testing.assert_allclose(np.expm1(count_code(small) / 12.0), small, rtol=0.05, atol=0.05)

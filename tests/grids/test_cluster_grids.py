@@ -6,8 +6,8 @@ import pytest
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.clusters.starts import STARTS
-from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN
-from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
+from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN, bin_places, bin_points, count_code
+from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, find_frames, labels_of
 from toy_rooms import tiny_grid
 
 
@@ -70,3 +70,16 @@ def test_settings_that_make_no_grid_are_named(key, value):
     GridSettings().check()
     with pytest.raises(InputError, match=f"grid.{key}: expected"):
         replace(GridSettings(), **{key: value}).check()
+
+
+def test_details_are_labels_counts_and_places(place):
+    grid = tiny_grid(place.dimension)
+    frames = find_frames(place.fit, grid, 0)
+    found = bin_shown(place.fit, frames, grid, detailed=True)
+    hits, frees = bin_points(place.fit, frames, grid.cells)
+    np.testing.assert_array_equal(labels_of(found, place.dimension), bin_shown(place.fit, frames, grid, detailed=False))
+    np.testing.assert_array_equal(found[:, 1], count_code(hits))
+    np.testing.assert_array_equal(found[:, 2], count_code(frees))
+    np.testing.assert_array_equal(found[:, 3:], bin_places(place.fit.select(place.fit.occupied), frames, grid.cells))
+    assert found.dtype == np.int8 and found[:, 3:].any()
+    assert (found[:, 0][found[:, 1] > 0] != UNKNOWN).all()

@@ -74,3 +74,13 @@ def test_as_many_clusterings_are_occluded_as_asked(room, monkeypatch):
 def test_a_share_is_between_0_and_1():
     with pytest.raises(InputError, match=r"clustering.occluded_share: expected a share in \[0, 1\], got 1.5"):
         ClusteringSettings(occluded_share=1.5)
+
+
+def test_details_are_shown_on_request(place):
+    """Of what is left; the target is labels alone, as before."""
+    how = place.scans, place.resolution_m, tiny_grid(place.dimension), ClusteringSettings(1, [1.0, 1.5], turn=False), 5
+    shown, target = training_grids(*how, detailed=True)
+    labels, expected = training_grids(*how)
+    np.testing.assert_array_equal(shown[:, 0], labels)
+    np.testing.assert_array_equal(target, expected)
+    assert shown.shape[1] == 3 + place.dimension and not shown[:, 1:][np.broadcast_to(labels[:, None] == 0, shown[:, 1:].shape)].any()

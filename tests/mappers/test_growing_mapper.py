@@ -10,7 +10,7 @@ from sklearn.base import clone
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import fit_cloud
 from hilbertvae.clusters.clusters import Clusters, search_tree
-from hilbertvae.grids.cluster_grids import bin_grids, frames_of
+from hilbertvae.grids.cluster_grids import bin_detailed, bin_grids, frames_of
 from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.weights import RankWeights
@@ -33,8 +33,8 @@ def streamed(mapper, parts, **how):
     return mapper.settle()
 
 
-def network(dimension):
-    made = tiny_reconstructor(dimension)
+def network(dimension, **settings):
+    made = tiny_reconstructor(dimension, **settings)
     rng = np.random.default_rng(0)
     made.weights = {"voxels": RankWeights(rng.uniform(0.1, 1, 6), rng.uniform(-0.3, 0.3, 15), rng.uniform(0.1, 1, 6)).plain()}
     return made
@@ -60,6 +60,19 @@ def test_after_all_scans_grids_are_those_of_the_batch(place):
     np.testing.assert_allclose(mapper.grids_, expected.value, rtol=1e-2, atol=1e-3)
     np.testing.assert_allclose(mapper.known_.astype(int), expected.known, rtol=0, atol=1)
     assert len(mapper.frames_) > 10
+
+
+def test_a_detailed_network_is_shown_what_the_batch_shows_it(place):
+    """Counts and places change where labels don't. Means add up in another order, so that a place may be the code beside it."""
+    whole = fit_cloud(place.scans, place.resolution_m)
+    made = network(place.dimension, encoding="detailed")
+    mapper = streamed(HilbertMap(made), clouds(place))
+    shown = bin_detailed(mapper.evidence_.cloud(), mapper.frames_, mapper.grid_)
+    expected = bin_detailed(whole, mapper.frames_, mapper.grid_)
+    np.testing.assert_array_equal(shown[:, :3], expected[:, :3])
+    np.testing.assert_allclose(shown[:, 3:].astype(int), expected[:, 3:], rtol=0, atol=1)
+    np.testing.assert_allclose(mapper.grids_, made.complete(shown, mapper.flips_).value, rtol=1e-2, atol=1e-3)
+    assert np.abs(mapper.grids_ - made.complete(expected, mapper.flips_).value).max() < 0.1
 
 
 def test_answers_are_those_of_a_batch_map_with_the_same_clusters(place):

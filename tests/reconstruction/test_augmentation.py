@@ -1,8 +1,10 @@
+import math
+
 import pytest
 import torch
 
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment, random_balls
+from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment, random_balls, scale_counts
 from hilbertvae.reconstruction.symmetry import apply, symmetries
 
 
@@ -113,3 +115,51 @@ def test_batches_smaller_than_the_group():
     shown, target = random_pair(batch=3)
     found = augment(shown, target, AugmentationSettings())
     assert [part.shape for part in found] == [shown.shape] * 2
+
+
+def detailed_pair(dimension=2, batch=24, cells=12):
+    """Each channel of what is shown is made of the labels, so that whatever moves can be told."""
+    _, target = random_pair(batch, dimension, cells)
+    counts = torch.stack([20 + 30 * (target > 0), 60 * (target < 0)], dim=1).to(torch.int8) * (target != 0).unsqueeze(1)
+    places = torch.full((batch, dimension, *target.shape[1:]), 7, dtype=torch.int8) * (target > 0).unsqueeze(1)
+    return torch.cat([target.unsqueeze(1), counts, places], dim=1), target
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_details_move_and_vanish_with_their_cells(dimension):
+    shown, target = detailed_pair(dimension)
+    settings = AugmentationSettings(balls=2, ball_diameter_cells=[3.0, 6.0], count_factor=1.0)
+    torch.manual_seed(2)
+    found, answer = augment(shown, target, settings)
+    torch.manual_seed(2)
+    labels, again = augment(target, target, settings)
+    assert torch.equal(answer, again) and torch.equal(found[:, 0], labels)
+    assert torch.equal(found[:, 1] == 50, labels > 0) and torch.equal(found[:, 2] == 60, labels < 0)
+    assert torch.equal(found[:, 3:].abs() == 7, (labels > 0).unsqueeze(1).expand(-1, dimension, *labels.shape[1:]))
+    assert {-7, 7} <= set(found[:, 3].unique().tolist())
+
+
+def test_counts_of_a_grid_are_scaled_by_one_factor():
+    shown, _ = detailed_pair(batch=200)
+    torch.manual_seed(0)
+    found = scale_counts(shown, 4.0)
+    assert torch.equal(found[:, [0, 3, 4]], shown[:, [0, 3, 4]]) and torch.equal(found[:, 1:3] > 0, shown[:, 1:3] > 0)
+    factors = []
+    for grid, before in zip(found, shown, strict=True):
+        for channel, code in ((1, 50), (2, 60)):
+            (new,) = grid[channel][before[channel] == code].unique().tolist()
+            factors.append(math.expm1(new / 12) / math.expm1(code / 12))
+    hits, frees = torch.tensor(factors).reshape(-1, 2).T
+    torch.testing.assert_close(hits, frees, rtol=0.1, atol=0)  # codes are rounded
+    assert 0.23 < hits.min() < 0.3 and 3.3 < hits.max() < 4.4 and 0.8 < hits.log().exp().median() < 1.25
+
+
+def test_counts_of_one_vote_stay_votes():
+    shown = torch.ones(50, 5, 2, 2, dtype=torch.int8)
+    assert (scale_counts(shown, 100.0)[:, 1:3] >= 1).all()
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.0, float("nan")])
+def test_a_factor_that_is_none_is_named(factor):
+    with pytest.raises(InputError, match="augmentation.count_factor: expected at least 1"):
+        AugmentationSettings(count_factor=factor)

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from hilbertvae.reconstruction.blocks import ResidualBlock, group_norm, hit_free, signed, spread_channels
+from hilbertvae.reconstruction.blocks import ResidualBlock, find_encoding, group_norm, hit_free, signed, spread_channels
 
 
 def test_encodings_cell_by_cell():
@@ -47,3 +47,17 @@ def test_group_norm_takes_any_number_of_channels(channels):
     assert norm(x).mean().item() == pytest.approx(0.0, abs=1e-4)
     # A grid's output is its own, whatever else is in the batch.
     torch.testing.assert_close(norm(x)[:1], norm(x[:1]))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_detailed_encoding_cell_by_cell(dimension):
+    grids = torch.zeros(2, 3 + dimension, *(2,) * dimension, dtype=torch.int8)
+    first, last = (0,) * dimension, (1,) * dimension
+    grids[(0, slice(None), *first)] = torch.tensor([1, 48, 24, 120, -60, 30][: 3 + dimension], dtype=torch.int8)
+    grids[(1, slice(None), *last)] = torch.tensor([-1, 0, 96, 0, 0, 0][: 3 + dimension], dtype=torch.int8)
+    encode, channels = find_encoding("detailed", dimension)
+    found = encode(grids)
+    assert found.shape == (2, channels, *(2,) * dimension) and found.dtype == torch.float32
+    assert found[(0, slice(None), *first)].tolist() == [1, 0, 1, 0.5, 1, -0.5, 0.25][: 4 + dimension]
+    assert found[(1, slice(None), *last)].tolist() == [0, 1, 0, 2, 0, 0, 0][: 4 + dimension]
+    assert found.count_nonzero() == 2 + 3 + dimension

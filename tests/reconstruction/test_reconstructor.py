@@ -177,3 +177,25 @@ def test_an_unknown_kind_of_network_is_named(tmp_path):
     )
     with pytest.raises(InputError, match="network.kind: expected one of gated, paper, got 'resnet'"):
         Reconstructor.load(path)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_detailed_network_over_symmetries_by_hand(tmp_path, dimension):
+    made = Reconstructor.load(tiny_reconstructor(dimension, encoding="detailed").save(tmp_path / "model.safetensors"))
+    rng = np.random.default_rng(0)
+    grids = np.concatenate(
+        [codes(dimension)[:, None], rng.integers(0, 100, (5, 2 + dimension, *(16,) * dimension)).astype(np.int8)], axis=1
+    )
+    assert made.detailed and not tiny_reconstructor(dimension).detailed
+    total = 0.0
+    for axes in ((), (0,), (1,), (0, 1)):
+        moved = np.flip(grids, [axis + 2 for axis in axes]).copy()
+        for axis in axes:
+            moved[:, 3 + axis] *= -1
+        total = total + np.flip(made.reconstruct(moved, flips=1), [axis + 1 for axis in axes])
+    found = made.complete(grids, flips=4)
+    np.testing.assert_allclose(found.value, total / 4, rtol=2e-3, atol=2e-4)
+    assert (found.known[grids[:, 0] != 0] == 255).all() and (found.known[grids[:, 0] == 0] < 255).any()
+    plain = grids.copy()
+    plain[:, 1:] = 0
+    assert (made.reconstruct(plain) != made.reconstruct(grids)).any()

@@ -1,9 +1,14 @@
 import itertools
 
+import numpy as np
 import pytest
 import torch
 
-from hilbertvae.reconstruction.symmetry import apply, symmetries, undo
+from hilbertvae.cloud import Cloud
+from hilbertvae.grids.cluster_grids import bin_detailed
+from hilbertvae.grids.frame import Frames
+from hilbertvae.reconstruction.symmetry import apply, apply_detailed, symmetries, undo
+from toy_rooms import tiny_grid
 
 
 def numbered(dimension, cells=4):
@@ -51,3 +56,21 @@ def test_up_stays_up():
     grids = torch.arange(4).expand(1, 4, 4, 4)  # a cell's value is its height
     for move in symmetries(3):
         assert torch.equal(apply(grids, move), grids)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_detailed_grids_move_as_the_cloud_does(dimension):
+    """A cloud that is mirrored and swapped, and then binned, gives the moved grids: places in cells, too."""
+    rng = np.random.default_rng(0)
+    settings = tiny_grid(dimension, cells=4)
+    cloud = Cloud(rng.uniform(-0.6, 0.6, (200, dimension)) * settings.cluster_diameter_m, rng.random(200) < 0.5, rng.integers(1, 9, 200))
+    frames = Frames(np.zeros((1, dimension)), np.eye(dimension)[None], np.array([settings.cluster_diameter_m]))
+    grids = torch.from_numpy(bin_detailed(cloud, frames, settings))
+    for swap, axes in symmetries(dimension):
+        points = cloud.points[:, [1, 0, *range(2, dimension)]] if swap else cloud.points.copy()
+        points[:, list(axes)] *= -1
+        expected = torch.from_numpy(bin_detailed(Cloud(points, cloud.occupied, cloud.weight), frames, settings))
+        moved = apply_detailed(grids, (swap, axes))
+        assert torch.equal(moved[:, :3], expected[:, :3])
+        assert (moved[:, 3:].int() - expected[:, 3:].int()).abs().max() <= 1  # of two nearest codes either
+    assert grids[:, 3:].any()

@@ -114,6 +114,7 @@ MATTER = [
     ("clustering.turn", False),
     ("data.simulated_scans", 21),
     ("data.simulated_extent_m", [12, 17]),
+    ("network.encoding", "detailed"),
 ]
 DO_NOT = [
     ("name", "other"),
@@ -192,3 +193,11 @@ def test_loaders(prepared):
     assert [len(shown) for shown, _ in train] == [8] * 4
     validation = list(module.val_dataloader())
     np.testing.assert_array_equal(torch.cat([shown for shown, _ in validation]), module.validation_pairs.shown)
+
+
+def test_a_detailed_network_gets_details(prepared):
+    plain = module_of(prepared)
+    found = module_of(changed(prepared, "network.encoding", "detailed"))
+    for ours, theirs in ((found.train_pairs, plain.train_pairs), (found.validation_pairs, plain.validation_pairs)):
+        assert ours.shown.shape[1] == 5 and torch.equal(ours.shown[:, 0], theirs.shown) and torch.equal(ours.target, theirs.target)
+        assert ours.shown[:, 1:].any()

@@ -158,3 +158,17 @@ def test_only_matrices_decay():
 def test_hyper_parameters_are_plain():
     module = module_of()
     assert dict(module.hparams)["settings"] == asdict(module.settings)
+
+
+def test_a_detailed_network_starts_from_one_that_was_shown_labels(tmp_path, logged):
+    """What else it is shown has no weight yet: it goes on as it was, and learns from all."""
+    path = tiny_reconstructor(seed=5, stem=2, channels=[4, 8], blocks=[1, 1], latent=3).save(tmp_path / "model.safetensors")
+    settings = tiny_settings("run", "cache")
+    module = module_of(network=replace(settings.network, encoding="detailed"))
+    module.start_from(str(path))
+    labels, _ = pairs()
+    shown = torch.cat([labels.unsqueeze(1), (20 * labels.abs()).unsqueeze(1).repeat(1, 4, 1, 1)], dim=1)
+    network = Reconstructor.load(path).network.eval()
+    torch.testing.assert_close(module.network.eval()(shown).output, network(labels).output)
+    module.train().training_step((shown, pairs()[1]), 0).backward()
+    assert module.network.stem.weight.grad[:, 2:].any()
