@@ -13,6 +13,7 @@ NEEDED = {
     "queries": ["octomap", "embreex"],
     "map_site": ["embreex"],
     "training_throughput": [],
+    "reconstruction": ["embreex"],
     "large_cloud": ["embreex"],
     "launchers": ["embreex"],
     "streaming": ["octomap", "embreex"],

@@ -28,8 +28,8 @@ HIDDEN_GAP_M = 2.5
 """Diameter of the gaps that the `cluster` rule hides from the network while it fits its weights."""
 FLIPS = {2: 4, 3: 1}
 """In 3D four flips take four times as long for 0.001 of AUC on kitti00_start."""
-SHOWN_FROM = 0.1
-"""How likely a cell has to be known to be shown in full."""
+SHOWN_FROM = {2: 0.5, 3: 0.1}
+"""How likely a cell has to be known to be shown in full. In 3D beams are far apart, and few cells are that likely to be met by one."""
 
 
 class HilbertMap(GrowingMapper):
@@ -184,7 +184,7 @@ class HilbertMap(GrowingMapper):
         return expit(self.rank_weights_.logit(*self.features(queries)))
 
     def predict_map(self, queries) -> np.ndarray:
-        """(Q,) p(occupied), faded to 0.5 where it is less than `SHOWN_FROM` likely that scans would see the cell at all.
+        """(Q,) p(occupied), faded to 0.5 where it is less likely than `SHOWN_FROM` that scans would see the cell at all.
 
         `predict_proba` is p if the cell is known, which is what can be scored; inside walls and below the ground that is an idle guess.
         """
@@ -196,7 +196,7 @@ class HilbertMap(GrowingMapper):
         grids = [self.grids_] if self.known_ is None else [self.grids_, self.known_]
         values, *said = kernels(grids, self.frames_, queries, holding)  # in one pass, since both are read at the same cells
         plain = expit(self.rank_weights_.logit(*self._features(queries, holding, values)))
-        fade = np.minimum(self._known_or_seen(queries, holding, said) / SHOWN_FROM, 1.0)
+        fade = np.minimum(self._known_or_seen(queries, holding, said) / SHOWN_FROM[queries.shape[1]], 1.0)
         return np.where(fade < 1.0, 0.5 + (plain - 0.5) * fade, plain)
 
     def predict_std(self, queries) -> np.ndarray:
