@@ -16,6 +16,8 @@ from hilbertvae.voxel_votes import VoxelVotes, voxel_votes
 
 RESOLUTION_M = {2: 0.1, 3: 0.2}
 """The map's cell, by dimension."""
+FREE_POINT_M = 2.0
+"""The `points` cloud has a free point in so much of a beam (the author's rule)."""
 OCCUPIED_SHARE = 0.15
 """A voxel is occupied from this share of returns on: many beams graze a wall's voxel, and a majority would erase it."""
 
@@ -68,7 +70,7 @@ def points_cloud(scans: Scans, resolution_m: float, seed: int = 0) -> tuple[Clou
     Also returns `beam (N,)`: the index of the return that each point belongs to.
     """
     length = np.linalg.norm(scans.points - scans.origins, axis=1)
-    count = np.maximum(1, np.floor(length / 2)).astype(np.int64)
+    count = np.maximum(1, np.floor(length / FREE_POINT_M)).astype(np.int64)
     beam = np.repeat(np.arange(len(scans)), count)
     reach = np.maximum(1 - resolution_m / np.maximum(length, 1e-9), 0)[beam]
     fraction = np.random.default_rng(seed).random(len(beam)) * reach

@@ -84,3 +84,17 @@ def test_details_are_shown_on_request(place):
     np.testing.assert_array_equal(shown[:, 0], labels)
     np.testing.assert_array_equal(target, expected)
     assert shown.shape[1] == 3 + place.dimension and not shown[:, 1:][np.broadcast_to(labels[:, None] == 0, shown[:, 1:].shape)].any()
+
+
+def test_targets_say_how_many_points_are_in_each_cell(place):
+    """A return is one, a free sample what it is of a free point of the `points` cloud."""
+    how = place.scans, place.resolution_m, tiny_grid(place.dimension), ClusteringSettings(1, [1.0, 1.5], turn=False), 5
+    shown, target = training_grids(*how, voted=True)
+    expected, labels = training_grids(*how)
+    np.testing.assert_array_equal(shown, expected)
+    np.testing.assert_array_equal(target[:, 0], labels)
+    assert ((target[:, 1] > 0) <= (labels != 0)).all() and (target[:, 1][labels == 1] > 0).all()
+    counts = np.expm1(target[:, 1] / 12.0)
+    whole = fit_cloud(place.scans, place.resolution_m)
+    votes = np.where(whole.occupied, 1, place.resolution_m / 2) * whole.weight
+    assert counts.max() <= votes.max() * 1.1 + 0.1

@@ -49,7 +49,7 @@ def test_balls_stay_near_occupied_cells_and_within_their_sizes(dimension):
 def test_the_same_move_for_input_and_target():
     shown, target = random_pair()
     shown = target.clone()
-    moved, answer = augment(shown, target, AugmentationSettings(balls=0))
+    moved, answer = augment(shown, target, AugmentationSettings(balls=0), 2)
     assert torch.equal(moved, answer)
     # Every grid is there once, moved by one of the eight, each of which got three.
     count = dict.fromkeys(range(8), 0)
@@ -70,7 +70,7 @@ def test_balls_hide_and_never_reveal(dimension):
     shown, target = random_pair(dimension=dimension)
     settings = AugmentationSettings(symmetric=False, balls=2, ball_diameter_cells=[3.0, 6.0])
     torch.manual_seed(1)
-    hidden, answer = augment(shown, target, settings)
+    hidden, answer = augment(shown, target, settings, dimension)
     assert torch.equal(answer, target)
     changed = hidden != shown
     assert (hidden[changed] == 0).all() and changed.flatten(1).any(dim=1).all()
@@ -83,7 +83,7 @@ def test_balls_hide_and_never_reveal(dimension):
 
 def test_nothing_on_request():
     shown, target = random_pair()
-    found = augment(shown, target, AugmentationSettings(symmetric=False, balls=0))
+    found = augment(shown, target, AugmentationSettings(symmetric=False, balls=0), 2)
     assert torch.equal(found[0], shown) and torch.equal(found[1], target)
 
 
@@ -92,7 +92,7 @@ def test_the_generator_decides_alone():
 
     def draw(seed):
         torch.manual_seed(seed)
-        return augment(shown, target, AugmentationSettings(ball_diameter_cells=[3.0, 6.0]))[0]
+        return augment(shown, target, AugmentationSettings(ball_diameter_cells=[3.0, 6.0]), 2)[0]
 
     assert torch.equal(draw(5), draw(5)) and not torch.equal(draw(5), draw(6))
 
@@ -101,7 +101,7 @@ def test_the_generator_decides_alone():
 def test_grids_stay_on_their_device(dimension):
     """The device without memory refuses to meet tensors of another, as a GPU does."""
     grids = torch.zeros(20, *(8,) * dimension, dtype=torch.int8, device="meta")
-    found = augment(grids, grids, AugmentationSettings(balls=3))
+    found = augment(grids, grids, AugmentationSettings(balls=3), dimension)
     assert [(part.device.type, part.dtype, part.shape) for part in found] == [("meta", torch.int8, grids.shape)] * 2
 
 
@@ -113,7 +113,7 @@ def test_sizes_that_are_no_range_are_named(sizes):
 
 def test_batches_smaller_than_the_group():
     shown, target = random_pair(batch=3)
-    found = augment(shown, target, AugmentationSettings())
+    found = augment(shown, target, AugmentationSettings(), 2)
     assert [part.shape for part in found] == [shown.shape] * 2
 
 
@@ -130,9 +130,9 @@ def test_details_move_and_vanish_with_their_cells(dimension):
     shown, target = detailed_pair(dimension)
     settings = AugmentationSettings(balls=2, ball_diameter_cells=[3.0, 6.0], count_factor=1.0)
     torch.manual_seed(2)
-    found, answer = augment(shown, target, settings)
+    found, answer = augment(shown, target, settings, dimension)
     torch.manual_seed(2)
-    labels, again = augment(target, target, settings)
+    labels, again = augment(target, target, settings, dimension)
     assert torch.equal(answer, again) and torch.equal(found[:, 0], labels)
     assert torch.equal(found[:, 1] == 50, labels > 0) and torch.equal(found[:, 2] == 60, labels < 0)
     assert torch.equal(found[:, 3:].abs() == 7, (labels > 0).unsqueeze(1).expand(-1, dimension, *labels.shape[1:]))
@@ -163,3 +163,15 @@ def test_counts_of_one_vote_stay_votes():
 def test_a_factor_that_is_none_is_named(factor):
     with pytest.raises(InputError, match="augmentation.count_factor: expected at least 1"):
         AugmentationSettings(count_factor=factor)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_votes_move_with_their_targets(dimension):
+    shown, target = random_pair(dimension=dimension)
+    voted = torch.stack([target, (40 + 10 * target) * (target != 0)], dim=1).to(torch.int8)
+    torch.manual_seed(2)
+    found, answer = augment(shown, voted, AugmentationSettings(ball_diameter_cells=[3.0, 6.0]), dimension)
+    torch.manual_seed(2)
+    expected, labels = augment(shown, target, AugmentationSettings(ball_diameter_cells=[3.0, 6.0]), dimension)
+    assert torch.equal(found, expected) and torch.equal(answer[:, 0], labels)
+    assert torch.equal(answer[:, 1], (40 + 10 * labels) * (labels != 0))

@@ -129,3 +129,31 @@ def test_what_would_be_known_is_asked_where_nothing_is_shown():
                     p = 1 / (1 + math.exp(-known[b, i, j]))
                     expected[b] -= math.log(p if target[b, i, j] != 0 else 1 - p)
     assert known_nll(known, target, shown).tolist() == pytest.approx(expected, rel=1e-5)
+
+
+def test_cells_weigh_as_a_power_of_their_votes_by_an_explicit_loop():
+    output, target, shown = random_case()
+    votes = torch.randint(1, 120, target.shape, generator=torch.Generator().manual_seed(3)).to(torch.int8)
+    found = Bernoulli(LikelihoodSettings(observed_weight=0.2, vote_power=0.5))(output, target, shown, votes)
+    cells = [cell for cell in np.ndindex(*target.shape) if target[cell] != 0]
+    heard = {cell: math.sqrt(math.expm1(votes[cell].item() / 12)) for cell in cells}
+    mean = sum(heard.values()) / len(cells)
+    expected = [0.0] * len(found)
+    for cell in cells:
+        p = 1 / (1 + math.exp(-output[cell].item()))
+        nll = -math.log(p if target[cell] > 0 else 1 - p)
+        expected[cell[0]] += (0.2 if shown[cell] != 0 else 1.0) * heard[cell] / mean * nll
+    assert found.tolist() == pytest.approx(expected, rel=1e-4)
+
+
+def test_no_power_counts_cells():
+    output, target, shown = random_case()
+    votes = torch.randint(1, 120, target.shape, generator=torch.Generator().manual_seed(3)).to(torch.int8)
+    plain = Bernoulli(LikelihoodSettings())
+    torch.testing.assert_close(plain(output, target, shown, votes), plain(output, target, shown))
+
+
+@pytest.mark.parametrize("power", [-0.1, 1.5, float("nan")])
+def test_a_power_that_is_none_is_named(power):
+    with pytest.raises(InputError, match=r"likelihood.vote_power: expected a power in \[0, 1\]"):
+        LikelihoodSettings(vote_power=power)

@@ -7,7 +7,7 @@ import torch
 from hilbertvae.cloud import Cloud
 from hilbertvae.grids.cluster_grids import bin_detailed
 from hilbertvae.grids.frame import Frames
-from hilbertvae.reconstruction.symmetry import apply, apply_detailed, symmetries, undo
+from hilbertvae.reconstruction.symmetry import apply, apply_channels, symmetries, undo
 from toy_rooms import tiny_grid
 
 
@@ -70,7 +70,7 @@ def test_detailed_grids_move_as_the_cloud_does(dimension):
         points = cloud.points[:, [1, 0, *range(2, dimension)]] if swap else cloud.points.copy()
         points[:, list(axes)] *= -1
         expected = torch.from_numpy(bin_detailed(Cloud(points, cloud.occupied, cloud.weight), frames, settings))
-        moved = apply_detailed(grids, (swap, axes))
+        moved = apply_channels(grids, (swap, axes))
         assert torch.equal(moved[:, :3], expected[:, :3])
         assert (moved[:, 3:].int() - expected[:, 3:].int()).abs().max() <= 1  # of two nearest codes either
     assert grids[:, 3:].any()

@@ -115,6 +115,7 @@ MATTER = [
     ("data.simulated_scans", 21),
     ("data.simulated_extent_m", [12, 17]),
     ("network.encoding", "detailed"),
+    ("likelihood.vote_power", 0.5),
 ]
 DO_NOT = [
     ("name", "other"),
@@ -201,3 +202,11 @@ def test_a_detailed_network_gets_details(prepared):
     for ours, theirs in ((found.train_pairs, plain.train_pairs), (found.validation_pairs, plain.validation_pairs)):
         assert ours.shown.shape[1] == 5 and torch.equal(ours.shown[:, 0], theirs.shown) and torch.equal(ours.target, theirs.target)
         assert ours.shown[:, 1:].any()
+
+
+def test_targets_have_votes_where_the_likelihood_asks_for_them(prepared):
+    plain = module_of(prepared)
+    found = module_of(changed(changed(prepared, "network.encoding", "detailed"), "likelihood.vote_power", 0.5))
+    assert found.train_pairs.shown.shape[1] == 5 and found.train_pairs.target.shape[1] == 2
+    assert torch.equal(found.train_pairs.shown[:, 0], plain.train_pairs.shown)
+    assert torch.equal(found.train_pairs.target[:, 0], plain.train_pairs.target) and found.train_pairs.target[:, 1].any()

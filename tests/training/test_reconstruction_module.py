@@ -7,7 +7,7 @@ from torch.nn import functional as F
 from training_toys import TRAINER, tiny_settings
 
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction.augmentation import augment
+from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment
 from hilbertvae.reconstruction.likelihood import Bernoulli, LikelihoodSettings, free_bits, kl_divergence, known_nll
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.training.reconstruction_module import ReconstructionModule
@@ -42,7 +42,7 @@ def test_the_loss_is_equation_6(logged, step, weight):
     module = module_of(step).train()
     loss = module.training_step(pairs(), 0)
     torch.manual_seed(hash((0, step, 0)) % 2**63)
-    shown, target = augment(*pairs(), module.settings.augmentation)
+    shown, target = augment(*pairs(), module.settings.augmentation, 2)
     found = module.network(shown)
     nll = Bernoulli(module.settings.likelihood)(found.output, target, shown).mean()
     kl = kl_divergence(found.mean, found.std)
@@ -172,3 +172,20 @@ def test_a_detailed_network_starts_from_one_that_was_shown_labels(tmp_path, logg
     torch.testing.assert_close(module.network.eval()(shown).output, network(labels).output)
     module.train().training_step((shown, pairs()[1]), 0).backward()
     assert module.network.stem.weight.grad[:, 2:].any()
+
+
+def test_votes_weigh_cells_in_training_and_not_in_validation(logged):
+    settings = tiny_settings("run", "cache")
+    module = module_of(likelihood=replace(settings.likelihood, vote_power=0.5), augmentation=AugmentationSettings(False, 0)).train()
+    shown, target = pairs()
+    votes = torch.randint(8, 100, target.shape, generator=torch.Generator().manual_seed(4)).to(torch.int8) * (target != 0)
+    voted = torch.stack([target, votes], dim=1)
+    module.training_step((shown, voted), 0)
+    torch.manual_seed(hash((0, 0, 0)) % 2**63)
+    output = module.network(shown).output
+    expected = Bernoulli(module.settings.likelihood)(output, target, shown, votes).mean()
+    assert logged["train/nll_per_grid"] == pytest.approx(expected.item(), rel=1e-5)
+    module.eval().validation_step((shown, voted), 0)
+    found = logged["val/nll_per_grid"], logged["val/gap_nll"]
+    module.validation_step((shown, target), 0)
+    assert found == (logged["val/nll_per_grid"], logged["val/gap_nll"])

@@ -94,6 +94,15 @@ def bin_shown(cloud: Cloud, frames: Frames, settings: GridSettings, detailed: bo
     return (bin_detailed if detailed else bin_grids)(cloud, frames, settings)
 
 
+def bin_voted(cloud: Cloud, frames: Frames, settings: GridSettings, free_share: float) -> np.ndarray:
+    """int8 (M, 2, n, ..., n): labels, and codes (`count_code`) of how many votes each cell has; a free sample is `free_share` of one."""
+    grids = np.zeros((len(frames), 2, *(settings.cells,) * frames.centre.shape[1]), np.int8)
+    for chosen, hits, frees in bin_portions(cloud, frames, settings.cells):
+        grids[chosen, 0] = vote(hits, frees, settings.occupied_share)
+        grids[chosen, 1] = count_code(hits + free_share * frees)
+    return grids
+
+
 def labels_of(shown: np.ndarray, dimension: int) -> np.ndarray:
-    """The labels (M, n, ..., n) of what `bin_shown` gives; of torch tensors, too."""
+    """The labels (M, n, ..., n) of what `bin_shown` or `bin_voted` gives; of torch tensors, too."""
     return shown[:, 0] if shown.ndim == dimension + 2 else shown

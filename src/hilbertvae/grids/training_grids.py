@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import fit_cloud
+from hilbertvae.cloud import FREE_POINT_M, fit_cloud
 from hilbertvae.gaps import random_gaps
-from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, find_frames
+from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, bin_voted, find_frames
 from hilbertvae.occlusions import random_occlusion
 from hilbertvae.scans.scan import Scans
 
@@ -39,10 +39,17 @@ def turned(scans: Scans, angle_rad: float) -> Scans:
 
 
 def training_grids(
-    scans: Scans, resolution_m: float, grid: GridSettings, clustering: ClusteringSettings, seed: int, detailed: bool = False
+    scans: Scans,
+    resolution_m: float,
+    grid: GridSettings,
+    clustering: ClusteringSettings,
+    seed: int,
+    detailed: bool = False,
+    voted: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """(shown, target): int8 grids (M, n, ..., n) of one clustering, without and with what its gaps, or an occlusion, removed; with
-    `detailed`, what is shown is (M, 3 + D, n, ..., n), as `bin_detailed` makes it.
+    `detailed`, what is shown is (M, 3 + D, n, ..., n), as `bin_detailed` makes it, and with `voted` the target is (M, 2, n, ..., n), as
+    `bin_voted` makes it, with as many votes as the `points` cloud has points.
 
     The gaps are cut by the evaluation's code before anything else, so that clusters and frames are those of a gapped site; the target
     is the uncut site, binned in the same frames.
@@ -57,4 +64,5 @@ def training_grids(
     elif clustering.gap_diameter_m:
         cloud = random_gaps(whole, tuple(clustering.gap_diameter_m), resolution_m, seed).cut(whole)
     frames = find_frames(cloud, grid, seed)
-    return bin_shown(cloud, frames, grid, detailed), bin_grids(whole, frames, grid)
+    target = bin_voted(whole, frames, grid, resolution_m / FREE_POINT_M) if voted else bin_grids(whole, frames, grid)
+    return bin_shown(cloud, frames, grid, detailed), target

@@ -9,7 +9,8 @@ from torch import Tensor
 
 from hilbertvae.checks import InputError
 from hilbertvae.grids.aligned_grid import COUNT_STEPS
-from hilbertvae.reconstruction.symmetry import PLACES, apply, apply_detailed, symmetries
+from hilbertvae.grids.cluster_grids import labels_of
+from hilbertvae.reconstruction.symmetry import PLACES, apply, apply_channels, symmetries
 
 COUNTS = slice(1, PLACES)
 """The channels of `bin_detailed` with how many returns and free samples each cell has."""
@@ -36,23 +37,23 @@ class AugmentationSettings:
             raise InputError(f"augmentation.count_factor: expected at least 1, got {self.count_factor}")
 
 
-def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings) -> tuple[Tensor, Tensor]:
+def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings, dimension: int) -> tuple[Tensor, Tensor]:
     """(shown, target), moved by the same symmetry, grid by grid, and with balls cut from `shown`.
 
-    target: int8 (B, n, ..., n); shown: the same, or (B, 3 + D, n, ..., n) as `bin_detailed` makes them.
+    shown, target: int8 (B, n, ..., n), or with channels, the labels first, as `bin_detailed` and `bin_voted` make them.
     """
-    detailed = shown.ndim > target.ndim
-    move_shown = apply_detailed if detailed else apply
+    detailed = shown.ndim == dimension + 2
+    move_shown, move_target = (apply_channels if grids.ndim == dimension + 2 else apply for grids in (shown, target))
     if settings.symmetric:
-        moves = symmetries(target.ndim - 1)
+        moves = symmetries(dimension)
         order = torch.randperm(len(shown))
         portions = [order[k :: len(moves)] for k in range(len(moves))]
-        moved = [(move_shown(shown[p], move), apply(target[p], move)) for p, move in zip(portions, moves, strict=True)]
+        moved = [(move_shown(shown[p], move), move_target(target[p], move)) for p, move in zip(portions, moves, strict=True)]
         shown, target = (torch.cat(parts) for parts in zip(*moved, strict=True))
     if detailed and settings.count_factor > 1:
         shown = scale_counts(shown, settings.count_factor)
     for number in range(settings.balls):
-        inside = random_balls(target, settings.ball_diameter_cells)
+        inside = random_balls(labels_of(target, dimension), settings.ball_diameter_cells)
         if number:
             inside &= (torch.rand(len(shown), device=inside.device) < 0.5).reshape(-1, *(1,) * (inside.ndim - 1))
         shown = torch.where(inside.unsqueeze(1) if detailed else inside, 0, shown)

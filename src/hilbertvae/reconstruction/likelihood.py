@@ -12,6 +12,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from hilbertvae.checks import InputError
+from hilbertvae.grids.aligned_grid import COUNT_STEPS
 
 
 @dataclass
@@ -23,26 +24,36 @@ class LikelihoodSettings:
     """Weight of cells that the input shows, beside 1 for those cut from it. The map keeps observed evidence by itself."""
     known_weight: float = 0.03
     """Weight of the second output's likelihood, per cell that the input does not show; most of these are dull."""
+    vote_power: float = 0.0
+    """`bernoulli`: known cells weigh as this power of their votes. 0 counts cells, as scores on voxels do, and 1 counts points."""
     masked: bool = True
     """`bernoulli` over known cells alone. Without the mask a cell that nobody saw is to be answered with 0.5, as a gap's then is, too."""
 
     def __post_init__(self):
         if self.kind not in LIKELIHOODS:
             raise InputError(f"likelihood.kind: expected one of {', '.join(LIKELIHOODS)}, got {self.kind!r}")
+        if not 0 <= self.vote_power <= 1:
+            raise InputError(f"likelihood.vote_power: expected a power in [0, 1], got {self.vote_power}")
 
 
 class Bernoulli:
     """Cells known in the target, as coin flips with the output as logit; unknown cells say nothing, if they are masked."""
 
     def __init__(self, settings: LikelihoodSettings):
-        self.observed_weight, self.masked = settings.observed_weight, settings.masked
+        self.observed_weight, self.masked, self.vote_power = settings.observed_weight, settings.masked, settings.vote_power
 
-    def __call__(self, output: Tensor, target: Tensor, shown: Tensor) -> Tensor:
-        """(B,) negative log-likelihood: output (B, n, ..., n); target, shown int8 codes of the same shape."""
+    def __call__(self, output: Tensor, target: Tensor, shown: Tensor, votes: Tensor | None = None) -> Tensor:
+        """(B,) negative log-likelihood: output (B, n, ..., n); target, shown int8 codes of the same shape.
+
+        votes: codes of counts (`count_code`) by which known cells are weighed, 1 on average over the batch."""
         loss = F.binary_cross_entropy_with_logits(output.float(), (target.float() + 1) / 2, reduction="none")
         weight = torch.where(shown != 0, self.observed_weight, 1.0)
         if self.masked:
             weight = weight * (target != 0)
+        if votes is not None:
+            heard = torch.expm1(votes.float() / COUNT_STEPS).pow(self.vote_power)
+            known = target != 0
+            weight = weight * torch.where(known, heard / heard[known].mean().clamp_min(1e-6), 1.0)
         return (loss * weight).flatten(1).sum(dim=1)
 
     @staticmethod
@@ -62,7 +73,7 @@ class Gaussian:
     def __init__(self, settings: LikelihoodSettings):
         pass
 
-    def __call__(self, output: Tensor, target: Tensor, shown: Tensor) -> Tensor:
+    def __call__(self, output: Tensor, target: Tensor, shown: Tensor, votes: Tensor | None = None) -> Tensor:
         """(B,) negative log-likelihood without its constant: half the squared error."""
         return 0.5 * (torch.tanh(output.float()) - target.float()).square().flatten(1).sum(dim=1)
 

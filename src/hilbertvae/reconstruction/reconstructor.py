@@ -23,7 +23,7 @@ from hilbertvae.reconstruction.likelihood import LIKELIHOODS, LikelihoodSettings
 from hilbertvae.reconstruction.networks import NetworkSettings, build_network, network_settings
 from hilbertvae.reconstruction.packed_weights import pack, unpack
 from hilbertvae.reconstruction.shipped import checkpoint_path
-from hilbertvae.reconstruction.symmetry import apply, apply_detailed, symmetries, undo
+from hilbertvae.reconstruction.symmetry import apply, apply_channels, symmetries, undo
 
 FORMAT = "hilbertvae-reconstructor-1"
 
@@ -65,7 +65,7 @@ class Reconstructor:
         network = self.network.eval().to(device)
         kernel_value = LIKELIHOODS[self.likelihood.kind].kernel_value
         chosen = symmetries(self.dimension)[:flips]
-        labels, move = labels_of(grids, self.dimension), apply_detailed if self.detailed else apply
+        labels, move = labels_of(grids, self.dimension), apply_channels if self.detailed else apply
         value = np.empty(labels.shape, np.float16)
         known = np.empty(labels.shape, np.uint8) if getattr(self.network_settings, "known", False) else None
         with torch.inference_mode(), torch.autocast(device.split(":")[0], torch.bfloat16):

@@ -27,16 +27,18 @@ def apply(grids: Tensor, symmetry: Symmetry) -> Tensor:
     return torch.flip(grids, [axis + 1 for axis in axes]) if axes else grids
 
 
-def apply_detailed(grids: Tensor, symmetry: Symmetry) -> Tensor:
-    """`grids (B, 3 + D, n, ..., n)`, as `bin_detailed` makes them, moved by the symmetry: places in cells are mirrored with the cells."""
+def apply_channels(grids: Tensor, symmetry: Symmetry) -> Tensor:
+    """`grids (B, C, n, ..., n)`, moved by the symmetry: of those of `bin_detailed`, places in cells are mirrored with the cells."""
     swap, axes = symmetry
+    placed = grids.shape[1] > PLACES
     if swap:
         channels = list(range(grids.shape[1]))
-        channels[PLACES : PLACES + 2] = PLACES + 1, PLACES
+        if placed:
+            channels[PLACES : PLACES + 2] = PLACES + 1, PLACES
         grids = grids[:, channels].transpose(2, 3)
     if axes:
         grids = torch.flip(grids, [axis + 2 for axis in axes])
-        for axis in axes:
+        for axis in axes if placed else ():
             grids[:, PLACES + axis] *= -1  # a flip is a copy
     return grids
 

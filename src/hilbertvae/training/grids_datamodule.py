@@ -89,8 +89,9 @@ class GridsDataModule(L.LightningDataModule):
         jobs += [(name, seed) for name in settings.simulated_sites() for seed in range(1, data.simulated_clusterings + 1)]
         validation = [(data.validate, seed) for seed in VALIDATION_SEEDS]
         paths = build_all(jobs + validation, settings)
-        self.train_pairs = GridPairs(*load_pairs(paths[: len(jobs)], settings.dimension))
-        shown, target = load_pairs(paths[len(jobs) :], settings.dimension)
+        voted = is_voted(settings)
+        self.train_pairs = GridPairs(*load_pairs(paths[: len(jobs)], voted))
+        shown, target = load_pairs(paths[len(jobs) :], voted)
         some = np.random.default_rng(0).permutation(len(shown))[: settings.trainer.validation_grids]
         self.validation_pairs = GridPairs(shown[some], target[some])
         if not len(self.train_pairs) or not len(self.validation_pairs):
@@ -121,17 +122,22 @@ def build_all(jobs: list[tuple[str, int]], settings: Settings) -> list[Path]:
     return paths
 
 
-def load_pairs(paths: list[Path], dimension: int) -> tuple[np.ndarray, np.ndarray]:
+def is_voted(settings: Settings) -> bool:
+    """Whether targets say how many votes each cell has."""
+    return settings.likelihood.vote_power > 0
+
+
+def load_pairs(paths: list[Path], voted: bool) -> tuple[np.ndarray, np.ndarray]:
     """(shown, target) of all files, one after the other: filled in place, since they can take half of the memory that there is."""
     files = [np.load(path, mmap_mode="r") for path in paths]
-    count, shape = sum(len(file) for file in files), files[0].shape[1:]
-    shown, target = np.empty((count, shape[0] - 1, *shape[1:]), np.int8), np.empty((count, *shape[1:]), np.int8)
+    count, (channels, *cells), own = sum(len(file) for file in files), files[0].shape[1:], 1 + voted
+    shown, target = np.empty((count, channels - own, *cells), np.int8), np.empty((count, own, *cells), np.int8)
     start = 0
     for file in files:
         end = start + len(file)
-        shown[start:end], target[start:end] = file[:, :-1], file[:, -1]
+        shown[start:end], target[start:end] = file[:, :-own], file[:, -own:]
         start = end
-    return shown[:, 0] if shown.shape[1] == 1 else shown, target
+    return tuple(grids[:, 0] if grids.shape[1] == 1 else grids for grids in (shown, target))
 
 
 def grids_hash(name: str, seed: int, settings: Settings) -> str:
@@ -144,6 +150,7 @@ def grids_hash(name: str, seed: int, settings: Settings) -> str:
         "resolution_m": settings.resolution_m,
         "grid": asdict(settings.grid),
         "detailed": is_detailed(settings.network.encoding),
+        "voted": is_voted(settings),
         "clustering": asdict(_clustering(seed, settings)),
     }
     return hash_of(made_of)
@@ -171,9 +178,8 @@ def draw_seed(name: str, seed: int, settings: Settings) -> int:
 
 def _build(path: Path, name: str, seed: int, settings: Settings) -> None:
     scans = settings.source().scans(name)
-    how = _clustering(seed, settings), draw_seed(name, seed, settings), is_detailed(settings.network.encoding)
-    shown, target = training_grids(scans, settings.resolution_m, settings.grid, *how)
-    if shown.ndim == target.ndim:
-        shown = shown[:, None]
+    how = _clustering(seed, settings), draw_seed(name, seed, settings), is_detailed(settings.network.encoding), is_voted(settings)
+    pair = training_grids(scans, settings.resolution_m, settings.grid, *how)
+    channels = [grids if grids.ndim == settings.dimension + 2 else grids[:, None] for grids in pair]
     with atomic(path) as temporary:
-        np.save(temporary, np.concatenate([shown, target[:, None]], axis=1))
+        np.save(temporary, np.concatenate(channels, axis=1))

@@ -53,10 +53,12 @@ class ReconstructionModule(L.LightningModule):
     def training_step(self, batch: tuple[Tensor, Tensor], number: int) -> Tensor:
         trainer = self.settings.trainer
         torch.manual_seed(hash((self.settings.seed, self.global_step, self.global_rank)) % 2**63)
-        shown, target = augment(*batch, self.settings.augmentation)
+        dimension = self.settings.dimension
+        shown, target = augment(*batch, self.settings.augmentation, dimension)
         found = self.network(shown)
-        shown = labels_of(shown, self.settings.dimension)
-        fit = self.likelihood(found.output, target, shown).mean()
+        votes = target[:, 1] if self.settings.likelihood.vote_power > 0 else None
+        shown, target = labels_of(shown, dimension), labels_of(target, dimension)
+        fit = self.likelihood(found.output, target, shown, votes).mean()
         loss = fit
         if found.known is not None:
             known = known_nll(found.known, target, shown).mean()
@@ -79,7 +81,7 @@ class ReconstructionModule(L.LightningModule):
     def validation_step(self, batch: tuple[Tensor, Tensor], number: int) -> None:
         shown, target = batch
         found = self.network(shown)
-        shown = labels_of(shown, self.settings.dimension)
+        shown, target = (labels_of(grids, self.settings.dimension) for grids in (shown, target))
         removed = (shown == 0) & (target != 0)
         fit = self.likelihood(found.output, target, shown).mean()
         self.log("val/nll_per_grid", fit, batch_size=len(shown))
