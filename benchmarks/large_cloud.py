@@ -39,7 +39,7 @@ GRIDS = {2: GridSettings(), 3: GridSettings(cells=32, inner_radius_m=2.0)}
 STAGES = {
     "evidence": (hilbert_map, "Evidence"),
     "cluster": (hilbert_map, "cloud_clusters"),
-    "bin": (hilbert_map, "bin_grids"),
+    "bin": (hilbert_map, "bin_shown"),
     "reconstruct": (HilbertMap, "_complete"),
 }
 MARGIN_M = 5.0

@@ -22,7 +22,7 @@ from hilbertvae.site import open_site
 STAGES = {
     "evidence": (hilbert_map, "Evidence"),
     "cluster": (hilbert_map, "cloud_clusters"),
-    "bin": (hilbert_map, "bin_grids"),
+    "bin": (hilbert_map, "bin_shown"),
     "reconstruct": (HilbertMap, "_complete"),
     "fit weights": (HilbertMap, "_cluster_factors"),
 }

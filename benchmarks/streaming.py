@@ -18,7 +18,7 @@ from measuring import arguments, report, target
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import cloud_from_scans, fit_cloud
-from hilbertvae.grids.cluster_grids import bin_grids
+from hilbertvae.grids.cluster_grids import bin_shown
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.scans.scan import Scans
@@ -100,8 +100,8 @@ def insert(scans: list[Scans], resolution_m: float) -> dict:
 def unequal_cells(mapper: HilbertMap, scans: list[Scans], resolution_m: float) -> tuple[float, float]:
     """The share of cells that all scans binned at once would show to the network otherwise, and how far some boxes' values are off."""
     whole = Scans(*(np.concatenate([getattr(scan, name) for scan in scans]) for name in ("points", "origins", "scan", "beam")))
-    expected = bin_grids(fit_cloud(whole, resolution_m), mapper.frames_, mapper.grid_)
-    shown = bin_grids(mapper.evidence_.cloud(), mapper.frames_, mapper.grid_)
+    clouds = fit_cloud(whole, resolution_m), mapper.evidence_.cloud()
+    expected, shown = (bin_shown(cloud, mapper.frames_, mapper.grid_, mapper.detailed_) for cloud in clouds)
     some = np.flatnonzero((expected == shown).reshape(len(shown), -1).all(axis=1))[:CHECKED]
     completed = mapper.reconstructor.complete(expected[some], mapper.flips_)
     return float((expected != shown).mean()), float(np.abs(completed.value.astype(float) - mapper.grids_[some]).max(initial=0.0))

@@ -21,6 +21,9 @@ def some_cells(dimension, seed, count=120):
 @settings(max_examples=30, deadline=None)
 def test_of_those_that_become_one_the_likeliest_that_was_seen(dimension, seed, resolution_m):
     cells = some_cells(dimension, seed)
+    place = cells.centres / resolution_m
+    clear = (np.abs(place - np.round(place)) > 1e-6).all(axis=1)  # of the others, rounding may decide
+    cells = MapCells(cells.index[clear], 0.1, cells.probability[clear], cells.std[clear], cells.observed[clear])
     found = cells.coarser(resolution_m)
     expected: dict = {}
     for k, centre in enumerate(cells.centres):

@@ -65,9 +65,9 @@ def find_encoding(name: str, dimension: int) -> tuple[Callable[[Tensor], Tensor]
     return encode, channels[dimension - 2]
 
 
-def is_detailed(name: str) -> bool:
-    """Whether an encoding takes grids as `bin_detailed` makes them, and not labels alone."""
-    return ENCODINGS[name][0] is detailed
+def is_detailed(network: object) -> bool:
+    """Whether a network of these settings takes grids as `bin_detailed` makes them; one that has no encodings takes labels alone."""
+    return getattr(network, "encoding", None) == "detailed"
 
 
 def group_norm(channels: int) -> nn.GroupNorm:

@@ -58,7 +58,7 @@ class Reconstructor:
     @property
     def detailed(self) -> bool:
         """Whether the network is shown grids as `bin_detailed` makes them, and not labels alone."""
-        return is_detailed(self.network_settings.encoding)
+        return is_detailed(self.network_settings)
 
     def complete(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> Completion:
         """What the network makes of int8 `grids`, as `bin_shown` makes them: the mean over `flips` symmetries (1, 2, 4 or 8)."""

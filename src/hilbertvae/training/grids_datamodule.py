@@ -149,7 +149,7 @@ def grids_hash(name: str, seed: int, settings: Settings) -> str:
         "seed": seed,
         "resolution_m": settings.resolution_m,
         "grid": asdict(settings.grid),
-        "detailed": is_detailed(settings.network.encoding),
+        "detailed": is_detailed(settings.network),
         "voted": is_voted(settings),
         "clustering": asdict(_clustering(seed, settings)),
     }
@@ -178,7 +178,7 @@ def draw_seed(name: str, seed: int, settings: Settings) -> int:
 
 def _build(path: Path, name: str, seed: int, settings: Settings) -> None:
     scans = settings.source().scans(name)
-    how = _clustering(seed, settings), draw_seed(name, seed, settings), is_detailed(settings.network.encoding), is_voted(settings)
+    how = _clustering(seed, settings), draw_seed(name, seed, settings), is_detailed(settings.network), is_voted(settings)
     pair = training_grids(scans, settings.resolution_m, settings.grid, *how)
     channels = [grids if grids.ndim == settings.dimension + 2 else grids[:, None] for grids in pair]
     with atomic(path) as temporary:

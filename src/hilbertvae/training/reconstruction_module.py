@@ -41,7 +41,7 @@ class ReconstructionModule(L.LightningModule):
         found = Reconstructor.load(checkpoint).network.state_dict()
         own = self.network.state_dict()
         stem, wanted = found.get("stem.weight"), own.get("stem.weight")
-        if stem is not None and wanted is not None and is_detailed(self.settings.network.encoding) and stem.shape[1] == HIT_FREE_CHANNELS:
+        if stem is not None and wanted is not None and is_detailed(self.settings.network) and stem.shape[1] == HIT_FREE_CHANNELS:
             further = stem.new_zeros(len(stem), wanted.shape[1] - HIT_FREE_CHANNELS, *stem.shape[2:])
             found = {**found, "stem.weight": torch.cat([stem, further], dim=1)}
         # What says whether a cell would be known came later than the rest, and older networks don't have it.
