@@ -13,6 +13,9 @@ from hilbertvae.clusters.starts import check_start, find_clusters
 from hilbertvae.grids.aligned_grid import UNKNOWN, bin_places, bin_portions, count_code, vote
 from hilbertvae.grids.frame import Frames, FrameSettings, cluster_frames
 
+COUNTS, PLACES = slice(1, 3), 3
+"""Of the channels of `bin_detailed`: those with counts, and where places in cells begin."""
+
 
 @dataclass
 class GridSettings:
@@ -85,7 +88,7 @@ def bin_detailed(cloud: Cloud, frames: Frames, settings: GridSettings) -> np.nda
     for chosen, hits, frees in bin_portions(cloud, frames, settings.cells):
         for channel, found in enumerate((vote(hits, frees, settings.occupied_share), count_code(hits), count_code(frees))):
             grids[chosen, channel] = found
-    grids[:, 3:] = bin_places(cloud.select(cloud.occupied), frames, settings.cells)
+    grids[:, PLACES:] = bin_places(cloud.select(cloud.occupied), frames, settings.cells)
     return grids
 
 

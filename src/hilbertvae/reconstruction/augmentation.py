@@ -9,11 +9,8 @@ from torch import Tensor
 
 from hilbertvae.checks import InputError
 from hilbertvae.grids.aligned_grid import COUNT_STEPS
-from hilbertvae.grids.cluster_grids import labels_of
-from hilbertvae.reconstruction.symmetry import PLACES, apply, apply_channels, symmetries
-
-COUNTS = slice(1, PLACES)
-"""The channels of `bin_detailed` with how many returns and free samples each cell has."""
+from hilbertvae.grids.cluster_grids import COUNTS, PLACES, labels_of
+from hilbertvae.reconstruction.symmetry import apply, apply_channels, symmetries
 
 
 @dataclass

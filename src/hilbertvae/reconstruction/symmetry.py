@@ -7,8 +7,8 @@ import itertools
 import torch
 from torch import Tensor
 
-PLACES = 3
-"""The channel of `bin_detailed` with which places in cells begin."""
+from hilbertvae.grids.cluster_grids import PLACES
+
 Symmetry = tuple[bool, tuple[int, ...]]
 """Whether the two horizontal axes are swapped, and which spatial axes (0-based) are flipped after that."""
 
