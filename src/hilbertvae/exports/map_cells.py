@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
@@ -124,8 +125,9 @@ class MapCells:
         """
         if abs(check_positive(resolution_m, "resolution_m") / self.resolution_m - 1) < 1e-9:
             return self
-        # A little inside of a cell: with a whole factor, rounding must not decide.
-        index = np.floor((self.index + 0.5) * (self.resolution_m / resolution_m) + 1e-9).astype(np.int64)
+        # In whole numbers: far from the origin rounding would decide on which side of a plane of the lattice a centre lies.
+        ratio = Fraction(self.resolution_m / resolution_m).limit_denominator(10**6)
+        index = (2 * self.index + 1) * ratio.numerator // (2 * ratio.denominator)
         order = np.lexsort([-self.probability, ~self.observed, *index.T])
         new = np.ones(len(order), bool)
         new[1:] = (np.diff(index[order], axis=0) != 0).any(axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -74,20 +75,14 @@ def find_frames(cloud: Cloud, settings: GridSettings, seed: int) -> Frames:
 
 def bin_grids(cloud: Cloud, frames: Frames, settings: GridSettings) -> np.ndarray:
     """int8 grids (M, n, ..., n) of all points of the cloud in the frames' boxes."""
-    grids = np.full((len(frames), *(settings.cells,) * frames.centre.shape[1]), UNKNOWN, np.int8)
-    for chosen, hits, frees in bin_portions(cloud, frames, settings.cells):
-        grids[chosen] = vote(hits, frees, settings.occupied_share)
-    return grids
+    return _bin_channels(cloud, frames, settings, 1, lambda hits, frees: ())[:, 0]
 
 
 def bin_detailed(cloud: Cloud, frames: Frames, settings: GridSettings) -> np.ndarray:
     """int8 (M, 3 + D, n, ..., n) of all points of the cloud in the frames' boxes: in each cell its label, as of `bin_grids`, how many
     returns it has and how many free samples (`count_code`), and where in it its returns lie (`bin_places`)."""
-    dimension = frames.centre.shape[1]
-    grids = np.zeros((len(frames), 3 + dimension, *(settings.cells,) * dimension), np.int8)
-    for chosen, hits, frees in bin_portions(cloud, frames, settings.cells):
-        for channel, found in enumerate((vote(hits, frees, settings.occupied_share), count_code(hits), count_code(frees))):
-            grids[chosen, channel] = found
+    channels = PLACES + frames.centre.shape[1]
+    grids = _bin_channels(cloud, frames, settings, channels, lambda hits, frees: (count_code(hits), count_code(frees)))
     grids[:, PLACES:] = bin_places(cloud.select(cloud.occupied), frames, settings.cells)
     return grids
 
@@ -99,10 +94,15 @@ def bin_shown(cloud: Cloud, frames: Frames, settings: GridSettings, detailed: bo
 
 def bin_voted(cloud: Cloud, frames: Frames, settings: GridSettings, free_share: float) -> np.ndarray:
     """int8 (M, 2, n, ..., n): labels, and codes (`count_code`) of how many votes each cell has; a free sample is `free_share` of one."""
-    grids = np.zeros((len(frames), 2, *(settings.cells,) * frames.centre.shape[1]), np.int8)
+    return _bin_channels(cloud, frames, settings, 2, lambda hits, frees: (count_code(hits + free_share * frees),))
+
+
+def _bin_channels(cloud: Cloud, frames: Frames, settings: GridSettings, channels: int, details: Callable) -> np.ndarray:
+    """int8 (M, channels, n, ..., n): labels, what `details(hits, frees)` makes of the votes, and 0 in the channels that are left."""
+    grids = np.full((len(frames), channels, *(settings.cells,) * frames.centre.shape[1]), UNKNOWN, np.int8)
     for chosen, hits, frees in bin_portions(cloud, frames, settings.cells):
-        grids[chosen, 0] = vote(hits, frees, settings.occupied_share)
-        grids[chosen, 1] = count_code(hits + free_share * frees)
+        for channel, found in enumerate((vote(hits, frees, settings.occupied_share), *details(hits, frees))):
+            grids[chosen, channel] = found
     return grids
 
 
