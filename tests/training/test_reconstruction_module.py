@@ -147,14 +147,6 @@ def test_the_learning_rate_rises_and_falls_as_a_cosine():
         schedule.step()
 
 
-def test_only_matrices_decay():
-    module = module_of()
-    decaying, others = module.configure_optimizers()["optimizer"].param_groups
-    assert decaying["weight_decay"] == TRAINER.weight_decay and others["weight_decay"] == 0
-    assert all(p.ndim > 1 for p in decaying["params"]) and all(p.ndim <= 1 for p in others["params"])
-    assert len(decaying["params"]) + len(others["params"]) == len(list(module.network.parameters()))
-
-
 def test_hyper_parameters_are_plain():
     module = module_of()
     assert dict(module.hparams)["settings"] == asdict(module.settings)

@@ -38,6 +38,7 @@ def test_good_settings_pass():
         ({"trainer": TrainerSettings(steps_per_epoch=0)}, "trainer.steps_per_epoch"),
         ({"trainer": TrainerSettings(batch_size=-4)}, "trainer.batch_size"),
         ({"trainer": TrainerSettings(learning_rate=float("nan"))}, "trainer.learning_rate"),
+        ({"trainer": TrainerSettings(optimizer="adam")}, "trainer.optimizer"),
         ({"trainer": TrainerSettings(validation_grids=0)}, "trainer.validation_grids"),
         ({"trainer": TrainerSettings(kl_warmup_share=0.1)}, "trainer.kl_warmup_share: expected at least 0.2, got 0.1"),
         ({"trainer": TrainerSettings(initial="gone.safetensors")}, "trainer.initial: expected a model.safetensors, got gone.safetensors"),

@@ -17,6 +17,7 @@ from hilbertvae.reconstruction.blocks import HIT_FREE_CHANNELS, is_detailed
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, active_dimensions, free_bits, kl_divergence, kl_weight, known_nll
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.training.optimizers import OPTIMIZERS
 from hilbertvae.training.settings import Settings
 
 
@@ -105,10 +106,7 @@ class ReconstructionModule(L.LightningModule):
 
     def configure_optimizers(self):
         trainer = self.settings.trainer
-        matrices = [p for p in self.network.parameters() if p.ndim > 1]
-        others = [p for p in self.network.parameters() if p.ndim <= 1]
-        groups = [{"params": matrices, "weight_decay": trainer.weight_decay}, {"params": others, "weight_decay": 0.0}]
-        optimizer = torch.optim.AdamW(groups, lr=trainer.learning_rate, betas=(0.9, 0.95))
+        optimizer = OPTIMIZERS[trainer.optimizer](self.network, trainer.learning_rate, trainer.weight_decay)
         warmup = max(1, int(trainer.warmup_share * self.total_steps))
 
         def rate(step: int) -> float:

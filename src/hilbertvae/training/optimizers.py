@@ -1,0 +1,83 @@
+"""What trains a network: Muon (K. Jordan et al. 2024; J. Liu et al. 2025 for the size of its steps), or AdamW alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import torch
+from torch import Tensor, nn
+
+NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
+"""Coefficients of the quintic that takes all singular values of a matrix to between about 0.7 and 1.2 in five rounds (Jordan 2024)."""
+ROUNDS = 5
+ADAMW_BETAS = (0.9, 0.95)
+MATCH = 0.2
+"""The root mean square of an AdamW step, in learning rates: with steps of this size one rate serves both (Liu et al. 2025)."""
+
+
+def orthogonalised(matrix: Tensor) -> Tensor:
+    """(A, B), bfloat16: U V^T, roughly, of U S V^T = `matrix (A, B)`, so that no direction drowns another."""
+    a, b, c = NEWTON_SCHULZ
+    x = matrix.bfloat16()
+    tall = x.shape[0] > x.shape[1]
+    x = x.T if tall else x
+    x = x / x.norm().clamp_min(1e-7)
+    for _ in range(ROUNDS):
+        gram = x @ x.T
+        x = torch.addmm(x, torch.addmm(gram, gram, gram, beta=b, alpha=c), x, beta=a)
+    return x.T if tall else x
+
+
+class Muon(torch.optim.AdamW):
+    """Steps of convolutions' weights are their momentum, orthogonalised as a matrix of (channels out, channels in x kernel).
+
+    The other parameters, linear layers' among them, take AdamW's. Weight decay is AdamW's for both, for weights alone.
+    """
+
+    def __init__(self, network: nn.Module, lr: float, weight_decay: float, momentum: float = 0.95):
+        groups = parameter_groups(network.parameters(), weight_decay)
+        super().__init__(groups, lr=lr, betas=ADAMW_BETAS)
+        self.momentum = momentum
+
+    @torch.no_grad()
+    def step(self, closure=None):
+        """One step of all parameters that have a gradient."""
+        loss = None
+        if closure is not None:
+            with torch.enable_grad():
+                loss = closure()
+        for group in self.param_groups:
+            if group["convolutions"]:
+                for weights in group["params"]:
+                    if weights.grad is not None:
+                        self._step_convolution(weights, group["lr"], group["weight_decay"])
+        super().step()
+        return loss
+
+    def _step_convolution(self, weights: Tensor, rate: float, decay: float) -> None:
+        state, gradient = self.state[weights], weights.grad
+        if not state:  # under AdamW's names, which knows how to save and load them
+            state["step"], state["exp_avg"] = torch.zeros(()), torch.zeros_like(weights)
+        state["step"] += 1
+        mean = state["exp_avg"].lerp_(gradient, 1 - self.momentum)
+        step = orthogonalised(gradient.lerp(mean, self.momentum).flatten(1))
+        weights.mul_(1 - rate * decay)
+        weights.add_(step.reshape(weights.shape).to(weights.dtype), alpha=-rate * MATCH * math.sqrt(max(step.shape)))
+        weights.grad = None  # AdamW leaves those without one alone
+
+
+def parameter_groups(parameters: Iterable[nn.Parameter], weight_decay: float) -> list[dict]:
+    """Convolutions' weights, other weights, and what is no weight (biases, norms), which does not decay; empty groups are left out."""
+    kinds: dict[tuple[bool, float], list[nn.Parameter]] = {}
+    for found in parameters:
+        kinds.setdefault((found.ndim > 2, weight_decay if found.ndim > 1 else 0.0), []).append(found)
+    return [{"params": found, "convolutions": kind, "weight_decay": decay} for (kind, decay), found in kinds.items()]
+
+
+def adamw(network: nn.Module, lr: float, weight_decay: float) -> torch.optim.AdamW:
+    """AdamW for all parameters."""
+    return torch.optim.AdamW(parameter_groups(network.parameters(), weight_decay), lr=lr, betas=ADAMW_BETAS)
+
+
+OPTIMIZERS = {"muon": Muon, "adamw": adamw}
