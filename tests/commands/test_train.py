@@ -90,6 +90,11 @@ class TestEveryConfiguration:
         assert pictures >= {"map", "gaps", "slices", "pipeline", "sites", "prior", "precision_recall", "reliability"}
         assert "paper" in (tmp_path / "run/scores.md").read_text()
 
+    def test_a_conditional_prior_shows_several_completions_of_a_gap(self, tmp_path):
+        assert run(fast(tmp_path, "network=gated_conditional", "mapper=[cvae-hm]", "evaluation.occlusion=false")) == 0
+        pictures = {path.stem for path in (tmp_path / "run/pictures").glob("*.png")}
+        assert "completions" in pictures and "prior" not in pictures
+
     def test_baselines_without_a_network_are_scored_in_three_dimensions(self, tmp_path):
         choice = ["mapper=[gpom,hm-fourier,hm-nystroem]", "pictures=false", "evaluation.occlusion=false"]
         assert run(fast(tmp_path, "experiment=streets", *choice)) == 0

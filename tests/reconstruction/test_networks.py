@@ -22,5 +22,5 @@ def test_settings_make_their_network_and_survive_as_plain_values(settings, netwo
 
 @pytest.mark.parametrize("values", [{}, {"kind": "resnet"}])
 def test_unknown_kinds_are_named(values):
-    with pytest.raises(InputError, match="network.kind: expected one of gated, paper, got"):
+    with pytest.raises(InputError, match="network.kind: expected one of gated, conditional, paper, got"):
         network_settings(values)

@@ -175,7 +175,7 @@ def test_an_unknown_kind_of_network_is_named(tmp_path):
         tiny_reconstructor().save(tmp_path / "model.safetensors"),
         lambda described: {**described, "network": {**described["network"], "kind": "resnet"}},
     )
-    with pytest.raises(InputError, match="network.kind: expected one of gated, paper, got 'resnet'"):
+    with pytest.raises(InputError, match="network.kind: expected one of gated, conditional, paper, got 'resnet'"):
         Reconstructor.load(path)
 
 

@@ -4,6 +4,7 @@ from reports_toys import reconstructor, room
 
 from hilbertvae.gaps import Gaps
 from hilbertvae.reports.cluster_pictures import (
+    completion_rows,
     gapped_clusters,
     kernel_probability,
     pipeline_picture,
@@ -47,6 +48,23 @@ def test_rows_show_input_answer_truth_and_error_on_known_cells_only():
     for axes in panels:
         segments = np.concatenate(axes.collections[0].get_segments())
         assert (segments.min(axis=0), segments.max(axis=0)) == (pytest.approx([3.5, 2.5]), pytest.approx([9.5, 8.5]))
+
+
+def test_completions_stand_between_what_was_shown_and_the_truth():
+    target = np.full((2, 16, 16), -1, np.int8)
+    target[:, 8] = 1
+    shown = target.copy()
+    shown[:, 4:10, 3:9] = 0
+    guess, *draws = np.random.default_rng(0).normal(size=(4, *target.shape))
+    figure = completion_rows(shown, target, guess, np.array(draws))
+    panels = [axes for axes in figure.axes if axes.images][:12]
+    assert [axes.get_title() for axes in panels[:6]] == ["input", "guess", "draw 1", "draw 2", "draw 3", "truth"]
+    for row in range(2):
+        images = [axes.images[0].get_array() for axes in panels[6 * row : 6 * row + 6]]
+        np.testing.assert_array_equal(images[0], (shown[row].T + 1) / 2)
+        np.testing.assert_array_equal(images[5], (target[row].T + 1) / 2)
+        for image, values in zip(images[1:5], [guess, *draws], strict=True):
+            np.testing.assert_allclose(image, 1 / (1 + np.exp(-values[row].T)))
 
 
 def test_clusters_with_gaps_are_those_that_lost_walls():

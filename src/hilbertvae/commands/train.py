@@ -21,6 +21,7 @@ from hilbertvae.commands.build import build_mappers
 from hilbertvae.commands.clustering_study import run_clustering, write_clustering_failure
 from hilbertvae.commands.gpus import give_gpus
 from hilbertvae.files import file_sha256
+from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSettings
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.reports.run_state import is_finished, write_failure
@@ -41,6 +42,7 @@ store = ConfigStore.instance()
 # The network is missing there, so that a choice of another kind meets no default of this one.
 store.store(name="settings_schema", node=Settings(network=MISSING))
 store.store(group="network", name="gated_schema", node=GatedNetworkSettings)
+store.store(group="network", name="conditional_schema", node=ConditionalNetworkSettings)
 store.store(group="network", name="paper_schema", node=PaperNetworkSettings)
 
 

@@ -24,12 +24,14 @@ class Reconstruction:
     """output: (B, n, ..., n), what the likelihood takes; mean, std: (B, latent) of Q(z|H), Eq. 10; std is None without sampling.
 
     known: (B, n, ..., n) logits of whether the whole site's scans saw a cell at all; None for a network that does not say.
+    prior: mean and std of p(z), as mean and std are, where that is not N(0, I).
     """
 
     output: Tensor
     mean: Tensor | None
     std: Tensor | None
     known: Tensor | None = None
+    prior: tuple[Tensor, Tensor] | None = None
 
 
 def signed(grids: Tensor) -> Tensor:

@@ -71,20 +71,24 @@ class GatedNetwork(nn.Module):
             raise InputError("network.bottom: flat needs network.skips=false, else detail goes past the latent")
         self.settings, self.dimension, self.cells = settings, dimension, cells
         self.bottom = (channels[-1], *(cells // reduction,) * dimension)
-        features = math.prod(self.bottom) if settings.bottom == "flat" else channels[-1]
         convolution = CONVOLUTION[dimension]
         self.encode_input, inputs = find_encoding(settings.encoding, dimension)
         self.stem = convolution(inputs, channels[0], settings.stem, stride=settings.stem)
         self.down = nn.ModuleList(self._level(i) for i in range(levels))
         self.shrink = nn.ModuleList(convolution(channels[i], channels[i + 1], 2, stride=2) for i in range(levels - 1))
-        self.mean = nn.Linear(features, settings.latent)
-        self.spread = nn.Linear(features, settings.latent) if settings.variational else None
-        self.expand = nn.Linear(settings.latent, features)
+        self._add_latent(inputs)
         self.grow = nn.ModuleList(convolution(channels[i + 1], channels[i] * 2**dimension, 1) for i in range(levels - 1))
         self.join = nn.ModuleList(convolution(2 * channels[i], channels[i], 1) for i in range(levels - 1)) if settings.skips else None
         self.up = nn.ModuleList(self._level(i) for i in range(levels - 1))
         self.head = nn.Sequential(group_norm(channels[0]), nn.SiLU(), convolution(channels[0], settings.stem**dimension, 3, padding=1))
         self.known_head = convolution(channels[0], settings.stem**dimension, 3, padding=1) if settings.known else None
+
+    def _add_latent(self, inputs: int) -> None:
+        settings = self.settings
+        features = math.prod(self.bottom) if settings.bottom == "flat" else self.bottom[0]
+        self.mean = nn.Linear(features, settings.latent)
+        self.spread = nn.Linear(features, settings.latent) if settings.variational else None
+        self.expand = nn.Linear(settings.latent, features)
 
     def _level(self, level: int) -> nn.Sequential:
         settings = self.settings
@@ -94,6 +98,16 @@ class GatedNetwork(nn.Module):
 
     def forward(self, grids: Tensor) -> Reconstruction:
         """`grids (B, n, ..., n)` int8 codes; with a `detailed` encoding (B, 3 + D, n, ..., n)."""
+        x, kept = self._down(grids)
+        summary = x.flatten(1) if self.settings.bottom == "flat" else x.flatten(2).mean(dim=2)
+        mean = self.mean(summary)
+        std = F.softplus(self.spread(summary)) + 1e-6 if self.spread is not None else None
+        z = mean + std * torch.randn_like(std) if std is not None and self.training else mean
+        output, known = self._up(self._bottom(z, x), kept)
+        return Reconstruction(output, mean, std, known)
+
+    def _down(self, grids: Tensor) -> tuple[Tensor, list[Tensor]]:
+        """The bottom's cells, and what the skips keep of the levels above."""
         x = self.stem(self.encode_input(grids))
         gate = MEAN_POOL[self.dimension]((labels_of(grids, self.dimension) != 0).unsqueeze(1).to(x.dtype), self.settings.stem)
         kept = []
@@ -103,17 +117,16 @@ class GatedNetwork(nn.Module):
                 kept.append(x * gate)
                 gate = MEAN_POOL[self.dimension](gate, 2)
                 x = self.shrink[level](x)
-        flat = self.settings.bottom == "flat"
-        summary = x.flatten(1) if flat else x.flatten(2).mean(dim=2)
-        mean = self.mean(summary)
-        std = F.softplus(self.spread(summary)) + 1e-6 if self.spread is not None else None
-        z = mean + std * torch.randn_like(std) if std is not None and self.training else mean
-        output, known = self._decode(z, None if flat else x, kept)
-        return Reconstruction(output, mean, std, known)
+        return x, kept
 
-    def _decode(self, z: Tensor, x: Tensor | None, kept: list[Tensor]) -> tuple[Tensor, Tensor | None]:
+    def _bottom(self, z: Tensor, x: Tensor) -> Tensor:
+        """What the decoder starts from."""
         expanded = self.expand(z)
-        x = expanded.reshape(len(z), *self.bottom) if x is None else x + expanded.reshape(len(z), -1, *(1,) * self.dimension)
+        flat = self.settings.bottom == "flat"
+        return expanded.reshape(len(z), *self.bottom) if flat else x + expanded.reshape(len(z), -1, *(1,) * self.dimension)
+
+    def _up(self, x: Tensor, kept: list[Tensor]) -> tuple[Tensor, Tensor | None]:
+        """Logits of the bottom `x`, and of whether each cell would be known."""
         for level in reversed(range(len(self.grow))):
             x = spread_channels(self.grow[level](x), 2)
             if self.join is not None:
@@ -125,5 +138,5 @@ class GatedNetwork(nn.Module):
 
     def decode(self, z: Tensor) -> Tensor:
         """(B, n, ..., n) logits of `z (B, latent)` alone, as if nothing had been observed."""
-        empty = None if self.settings.bottom == "flat" else torch.zeros(len(z), *self.bottom, dtype=z.dtype, device=z.device)
-        return self._decode(z, empty, [])[0]
+        empty = torch.zeros(len(z), *self.bottom, dtype=z.dtype, device=z.device)
+        return self._up(self._bottom(z, empty), [])[0]

@@ -97,8 +97,10 @@ def known_nll(known: Tensor, target: Tensor, shown: Tensor) -> Tensor:
     return (loss * (shown == 0)).flatten(1).sum(dim=1)
 
 
-def kl_divergence(mean: Tensor, std: Tensor) -> Tensor:
-    """(B, latent) KL[N(mean, std^2) || N(0, 1)] of each latent dimension (Eq. 6)."""
+def kl_divergence(mean: Tensor, std: Tensor, prior: tuple[Tensor, Tensor] | None = None) -> Tensor:
+    """(B, latent) KL[N(mean, std^2) || p(z)] of each latent dimension (Eq. 6), p(z) = N(0, 1) unless `prior` has another mean and std."""
+    if prior is not None:
+        mean, std = (mean - prior[0]) / prior[1], std / prior[1]  # no other measure of z changes it
     return 0.5 * (mean.square() + std.square() - 1.0) - torch.log(std)
 
 

@@ -5,11 +5,16 @@ from __future__ import annotations
 from torch import nn
 
 from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.conditional_network import ConditionalNetwork, ConditionalNetworkSettings
 from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetwork, PaperNetworkSettings
 
-NETWORKS = {"gated": (GatedNetworkSettings, GatedNetwork), "paper": (PaperNetworkSettings, PaperNetwork)}
-NetworkSettings = GatedNetworkSettings | PaperNetworkSettings
+NETWORKS = {
+    "gated": (GatedNetworkSettings, GatedNetwork),
+    "conditional": (ConditionalNetworkSettings, ConditionalNetwork),
+    "paper": (PaperNetworkSettings, PaperNetwork),
+}
+NetworkSettings = GatedNetworkSettings | ConditionalNetworkSettings | PaperNetworkSettings
 
 
 def network_settings(values: dict) -> NetworkSettings:

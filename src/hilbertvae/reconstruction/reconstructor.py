@@ -19,6 +19,7 @@ from hilbertvae.files import atomic
 from hilbertvae.grids.cluster_grids import GridSettings, labels_of
 from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.reconstruction.blocks import is_detailed
+from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, LikelihoodSettings
 from hilbertvae.reconstruction.networks import NetworkSettings, build_network, network_settings
 from hilbertvae.reconstruction.packed_weights import pack, unpack
@@ -83,6 +84,16 @@ class Reconstructor:
     def reconstruct(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> np.ndarray:
         """float32 kernel values (M, n, ..., n): those of `complete`, alone."""
         return self.complete(grids, flips, batch, device).value.astype(np.float32)
+
+    def draws(self, grids: np.ndarray, count: int, seed: int = 0) -> np.ndarray | None:
+        """float32 kernel values (count, M, n, ..., n): so many ways in which each of the grids may go on; None from a network that has
+        no conditional prior to draw them from."""
+        if not isinstance(self.network, ConditionalNetwork):
+            return None
+        network, generator = self.network.eval().cpu(), torch.Generator().manual_seed(seed)
+        kernel_value = LIKELIHOODS[self.likelihood.kind].kernel_value
+        with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16):
+            return torch.stack([kernel_value(network.draw(torch.from_numpy(grids), generator)) for _ in range(count)]).numpy()
 
     def fingerprint(self) -> str:
         """The sha256, in hex, of all that a completion depends on; how the weights were stored is no part of it."""

@@ -159,6 +159,32 @@ def reconstruction_rows(shown: np.ndarray, target: np.ndarray, values: np.ndarra
     return figure
 
 
+def completion_rows(shown: np.ndarray, target: np.ndarray, guess: np.ndarray, draws: np.ndarray, likelihood: str = "bernoulli") -> Figure:
+    """A row per cluster: input | the map's guess | draws from the conditional prior | truth, what gaps cut from the input outlined.
+
+    shown, target: int8 codes (B, n, ..., n); guess: kernel values of the same shape; draws: (L, B, n, ..., n). Of 3D grids, each row
+    shows the layer with the most occupied cells.
+    """
+    titles = ["input", "guess", *(f"draw {number}" for number in range(1, len(draws) + 1)), "truth"]
+    side = 1.5
+    figure = new_figure(side * len(titles) + 1.0, side * len(shown) + 0.3)
+    panels = figure.subplots(len(shown), len(titles), squeeze=False)
+    for axes, title in zip(panels[0], titles, strict=True):
+        axes.set_title(title, fontsize=9, pad=3)
+    answers = kernel_probability(np.concatenate([guess[None], draws]), likelihood)
+    for row, line in enumerate(panels):
+        layer = fullest_layer(target[row])
+        given, truth = sheet(shown[row], layer), sheet(target[row], layer)
+        show_codes(line[0], given)
+        show_codes(line[-1], truth)
+        for axes, answer in zip(line[1:-1], answers[:, row], strict=True):
+            image = show_probability(axes, sheet(answer, layer))
+        for axes in line:
+            outline_cells(axes, (given == UNKNOWN) & (truth != UNKNOWN))
+    probability_bar(figure, image, panels.ravel().tolist(), shrink=min(1.0, 3 / len(shown)))
+    return figure
+
+
 def prior_picture(reconstructor: Reconstructor, columns: int = 8, rows: int = 3, seed: int = 0) -> Figure:
     """Grids decoded from z ~ N(0, I) alone: what the decoder takes places to be like (II-C). Of 3D grids the middle layer."""
     generator = torch.Generator().manual_seed(seed)

@@ -19,7 +19,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.canvas import save_picture
-from hilbertvae.reports.cluster_pictures import gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
+from hilbertvae.reports.cluster_pictures import completion_rows, gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
 from hilbertvae.reports.comparison import occlusion_table, pairwise_table
 from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.lit_colours import surface_colours
@@ -42,6 +42,7 @@ from hilbertvae.site import Site
 
 RIVALS = ("lard-hm-fine", "lard-hm", "hm", "nearest")
 """Whose map is shown beside ours: the first of these that was run (the paper's Fig. 5 has LARD-HM)."""
+COMPLETIONS = 4
 UNSURE_GAPS = 4
 """Gaps in the picture of uncertainty."""
 
@@ -143,13 +144,20 @@ class Report:
 
 
 def _network_figures(mapper: HilbertMap, site: Site, gaps: Gaps) -> dict[str, Figure]:
-    """One cluster through the pipeline, reconstructions of clusters with gaps, and grids decoded from the prior."""
+    """One cluster through the pipeline, reconstructions of clusters with gaps, and what is drawn from the prior: whole grids, or with a
+    conditional one several completions of each gap."""
     network, shown = mapper.reconstructor, gaps.cut(site.fit)
     frames = find_frames(shown, network.grid, mapper.seed)
     grids, target = bin_shown(shown, frames, network.grid, network.detailed), bin_grids(site.whole, frames, network.grid)
     labels = labels_of(grids, site.dimension)
     chosen = gapped_clusters(labels, target)
-    figures = {"pipeline": pipeline_picture(shown, network, site.whole, seed=mapper.seed), "prior": prior_picture(network)}
+    figures = {"pipeline": pipeline_picture(shown, network, site.whole, seed=mapper.seed)}
+    draws = network.draws(grids[chosen], COMPLETIONS)
+    if draws is None:
+        figures["prior"] = prior_picture(network)
+    elif len(chosen):
+        guess = network.reconstruct(grids[chosen], flips=1)
+        figures["completions"] = completion_rows(labels[chosen], target[chosen], guess, draws, network.likelihood.kind)
     if len(chosen):
         values = network.reconstruct(grids[chosen], mapper.flips_)
         figures["reconstructions"] = reconstruction_rows(labels[chosen], target[chosen], values, network.likelihood.kind)

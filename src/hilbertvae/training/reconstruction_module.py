@@ -14,6 +14,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.augmentation import augment
 from hilbertvae.reconstruction.blocks import HIT_FREE_CHANNELS, is_detailed
+from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, active_dimensions, free_bits, kl_divergence, kl_weight, known_nll
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -56,9 +57,10 @@ class ReconstructionModule(L.LightningModule):
         torch.manual_seed(hash((self.settings.seed, self.global_step, self.global_rank)) % 2**63)
         dimension = self.settings.dimension
         shown, target = augment(*batch, self.settings.augmentation, dimension)
-        found = self.network(shown)
         votes = target[:, 1] if self.settings.likelihood.vote_power > 0 else None
-        shown, target = labels_of(shown, dimension), labels_of(target, dimension)
+        target = labels_of(target, dimension)
+        found = self.network(shown, target) if isinstance(self.network, ConditionalNetwork) else self.network(shown)
+        shown = labels_of(shown, dimension)
         fit = self.likelihood(found.output, target, shown, votes).mean()
         loss = fit
         if found.known is not None:
@@ -66,7 +68,8 @@ class ReconstructionModule(L.LightningModule):
             loss = loss + self.settings.likelihood.known_weight * known
             self.log("train/known_nll_per_grid", known)
         if found.std is not None:
-            kl = kl_divergence(found.mean.float(), found.std.float())
+            prior = found.prior and tuple(part.float() for part in found.prior)
+            kl = kl_divergence(found.mean.float(), found.std.float(), prior)
             weight = trainer.kl_weight * kl_weight(self.global_step, int(trainer.kl_warmup_share * self.total_steps))
             loss = loss + weight * free_bits(kl, trainer.free_nats)
             self.log("train/kl_nats", kl.sum(dim=1).mean())
