@@ -3,6 +3,7 @@ import pytest
 from reports_toys import reconstructor, room
 
 from hilbertvae.gaps import Gaps
+from hilbertvae.reconstruction.reconstructor import Completion
 from hilbertvae.reports.cluster_pictures import (
     completion_rows,
     gapped_clusters,
@@ -56,7 +57,9 @@ def test_completions_stand_between_what_was_shown_and_the_truth():
     shown = target.copy()
     shown[:, 4:10, 3:9] = 0
     guess, *draws = np.random.default_rng(0).normal(size=(4, *target.shape))
-    figure = completion_rows(shown, target, guess, np.array(draws))
+    known = np.full(target.shape, 255, np.uint8)
+    known[:, :4], known[:, 4:6] = 0, 64  # not to be seen, and half as likely as it takes to be shown in full
+    figure = completion_rows(shown, target, Completion(guess.astype(np.float16), known), np.array(draws))
     panels = [axes for axes in figure.axes if axes.images][:12]
     assert [axes.get_title() for axes in panels[:6]] == ["input", "guess", "draw 1", "draw 2", "draw 3", "truth"]
     for row in range(2):
@@ -64,7 +67,8 @@ def test_completions_stand_between_what_was_shown_and_the_truth():
         np.testing.assert_array_equal(images[0], (shown[row].T + 1) / 2)
         np.testing.assert_array_equal(images[5], (target[row].T + 1) / 2)
         for image, values in zip(images[1:5], [guess, *draws], strict=True):
-            np.testing.assert_allclose(image, 1 / (1 + np.exp(-values[row].T)))
+            plain, fade = 1 / (1 + np.exp(-values[row])), np.repeat([0, 64 / 127.5, 1], [4, 2, 10])[:, None]
+            np.testing.assert_allclose(image, (0.5 + fade * (plain - 0.5)).T, atol=2e-3)
 
 
 def test_clusters_with_gaps_are_those_that_lost_walls():

@@ -14,8 +14,9 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.grids.aligned_grid import OCCUPIED, UNKNOWN
 from hilbertvae.grids.cluster_grids import bin_grids, bin_shown, find_frames, labels_of
 from hilbertvae.grids.frame import Frames
+from hilbertvae.mappers.hilbert_map import SHOWN_FROM
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
-from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
 from hilbertvae.reports.canvas import new_figure, outline_cells, probability_bar, scale_bar, show_codes, show_probability
 from hilbertvae.reports.colours import ERROR, FREE_POINT_COLOUR, PROBABILITY, SELECTED_COLOUR
 from hilbertvae.reports.raster import Raster
@@ -159,11 +160,11 @@ def reconstruction_rows(shown: np.ndarray, target: np.ndarray, values: np.ndarra
     return figure
 
 
-def completion_rows(shown: np.ndarray, target: np.ndarray, guess: np.ndarray, draws: np.ndarray, likelihood: str = "bernoulli") -> Figure:
+def completion_rows(shown: np.ndarray, target: np.ndarray, guess: Completion, draws: np.ndarray, likelihood: str = "bernoulli") -> Figure:
     """A row per cluster: input | the map's guess | draws from the conditional prior | truth, what gaps cut from the input outlined.
 
-    shown, target: int8 codes (B, n, ..., n); guess: kernel values of the same shape; draws: (L, B, n, ..., n). Of 3D grids, each row
-    shows the layer with the most occupied cells.
+    shown, target: int8 codes (B, n, ..., n); guess: of the same shape; draws: kernel values (L, B, n, ..., n). Guess and draws fade, as
+    maps do, where it is unlikely that scans would see a cell at all. Of 3D grids, each row shows the layer with the most occupied cells.
     """
     titles = ["input", "guess", *(f"draw {number}" for number in range(1, len(draws) + 1)), "truth"]
     side = 1.5
@@ -171,7 +172,9 @@ def completion_rows(shown: np.ndarray, target: np.ndarray, guess: np.ndarray, dr
     panels = figure.subplots(len(shown), len(titles), squeeze=False)
     for axes, title in zip(panels[0], titles, strict=True):
         axes.set_title(title, fontsize=9, pad=3)
-    answers = kernel_probability(np.concatenate([guess[None], draws]), likelihood)
+    answers = kernel_probability(np.concatenate([guess.value[None].astype(np.float32), draws]), likelihood)
+    if guess.known is not None:
+        answers = 0.5 + (answers - 0.5) * np.minimum(guess.known / 255 / SHOWN_FROM[shown.ndim - 1], 1.0)
     for row, line in enumerate(panels):
         layer = fullest_layer(target[row])
         given, truth = sheet(shown[row], layer), sheet(target[row], layer)

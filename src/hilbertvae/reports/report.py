@@ -156,7 +156,7 @@ def _network_figures(mapper: HilbertMap, site: Site, gaps: Gaps) -> dict[str, Fi
     if draws is None:
         figures["prior"] = prior_picture(network)
     elif len(chosen):
-        guess = network.reconstruct(grids[chosen], flips=1)
+        guess = network.complete(grids[chosen], flips=1)
         figures["completions"] = completion_rows(labels[chosen], target[chosen], guess, draws, network.likelihood.kind)
     if len(chosen):
         values = network.reconstruct(grids[chosen], mapper.flips_)
