@@ -126,7 +126,7 @@ class MapCells:
         if abs(check_positive(resolution_m, "resolution_m") / self.resolution_m - 1) < 1e-9:
             return self
         # In whole numbers: far from the origin rounding would decide on which side of a plane of the lattice a centre lies.
-        ratio = Fraction(self.resolution_m / resolution_m).limit_denominator(10**6)
+        ratio = Fraction(float(self.resolution_m / resolution_m)).limit_denominator(10**6)
         index = (2 * self.index + 1) * ratio.numerator // (2 * ratio.denominator)
         order = np.lexsort([-self.probability, ~self.observed, *index.T])
         new = np.ones(len(order), bool)

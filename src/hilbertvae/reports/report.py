@@ -43,6 +43,7 @@ from hilbertvae.site import Site
 RIVALS = ("lard-hm-fine", "lard-hm", "hm", "nearest")
 """Whose map is shown beside ours: the first of these that was run (the paper's Fig. 5 has LARD-HM)."""
 COMPLETIONS = 4
+"""Draws of each gap in the picture of completions."""
 UNSURE_GAPS = 4
 """Gaps in the picture of uncertainty."""
 
