@@ -13,6 +13,7 @@ import numpy as np
 from rich.progress import track
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.bag_chunks import bounded_unpacking
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
 from hilbertvae.scans.bag_poses import ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
 from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range
@@ -59,7 +60,7 @@ def read_bag(
     if poses is not None and fixed_frame is not None:
         raise InputError(f"reading.fixed_frame: with reading.poses={poses} the frame is that of the first scan; leave one of them unset")
     extra_module("bags", "rosbags")
-    with reading(path, "a ROS bag"), _opened(path) as bag:
+    with reading(path, "a ROS bag"), bounded_unpacking(path), _opened(path) as bag:
         chosen = bag.scan_topic(topic)
         is_flat = bag.types[chosen] == LASER_SCAN
         for name, setting, neutral in (("poses", poses, None), ("beam_origin", beam_origin, "centre")):
