@@ -48,6 +48,8 @@ class MapSettings(ReadingSettings):
     """Side of the map's cells; the network's own (0.1 in 2D, 0.2 in 3D), or that of a map to be filled, unless given."""
     fill: bool = True
     """`off` gives the observed map alone."""
+    adapt_steps: int = 0
+    """For how many steps the network first learns from the scans themselves, from gaps cut for that; 100 take 25 s of 2 cores in 2D."""
     exports: list[str] | None = None
     """Which formats are written, of ros, ot, bt, points, mesh, npz and rerun; all that suit the map and need no extra, unless given."""
     device: str = "cpu"
@@ -77,7 +79,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     source = _read(settings)
     exports = suiting_exports(settings.exports, source.dimension)
     weights = settings.weights or f"{source.dimension}d"
-    mapper = (mapper or load_mapper(weights)).set_params(fill=settings.fill, device=settings.device)
+    mapper = (mapper or load_mapper(weights)).set_params(fill=settings.fill, device=settings.device, adapt_steps=settings.adapt_steps)
     if mapper.reconstructor.dimension != source.dimension:
         raise InputError(f"weights: {weights} is a network for {mapper.reconstructor.dimension}D, got {source.dimension}D scans")
     network_m = mapper.reconstructor.resolution_m
@@ -101,7 +103,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         write_picture(cells, folder / PICTURE, name)
         clock.stop()
         summary = map_summary(name, cloud, cells, source if isinstance(source, Scans) else None)
-        summary |= {"weights": Path(weights).name, "fill": settings.fill, "seconds": clock.seconds}
+        summary |= {"weights": Path(weights).name, "fill": settings.fill, "adapt_steps": settings.adapt_steps, "seconds": clock.seconds}
         write_page(cells, folder / PAGE, name, summary_tables(summary))
         files = sorted(file.name for file in folder.iterdir())
         write_json(folder / SUMMARY, {**summary, "files": files, **made_by()})

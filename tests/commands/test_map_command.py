@@ -122,6 +122,17 @@ def test_without_filling_nothing_is_predicted(room, tmp_path):
     assert set(filled.values()) == {0}
 
 
+def test_the_network_may_learn_from_the_scans_first(mapped, tmp_path):
+    output, _, words = mapped
+    learned = tmp_path / "learned"
+    assert map_command.main([words[0], words[2], f"output={learned}", "adapt_steps=1", "exports=[npz]"]) == 0
+    plain, found = read_grid(output / "map.npz"), read_grid(learned / "map.npz")
+    np.testing.assert_array_equal(plain.index[plain.observed], found.index[found.observed])
+    said = [dict(zip(map(tuple, cells.index), cells.probability, strict=True)) for cells in (plain, found)]
+    assert any(said[0][cell] != said[1][cell] for cell in said[0].keys() & said[1].keys())
+    assert json.loads((learned / "summary.json").read_text())["adapt_steps"] == 1
+
+
 def test_a_map_is_filled_from_a_map(mapped, tmp_path):
     """What `map_observed` has is taken as what was observed, and comes out as it was."""
     output, place, words = mapped

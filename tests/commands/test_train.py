@@ -95,6 +95,15 @@ class TestEveryConfiguration:
         pictures = {path.stem for path in (tmp_path / "run/pictures").glob("*.png")}
         assert "completions" in pictures and "prior" not in pictures
 
+    def test_maps_whose_network_learns_from_the_site_are_rows_of_their_own(self, tmp_path):
+        rows = ("cvae-hm-adapted", "cvae-hm-points-adapted")
+        few = [f"mapper.{row}.adapt_steps=1" for row in rows]
+        assert run(fast(tmp_path, f"mapper=[cvae-hm,{','.join(rows)}]", *few, "pictures=false", "evaluation.occlusion=false")) == 0
+        found, _ = read_result(tmp_path / "run/result.json")
+        assert set(found.scores) == {"cvae-hm", *rows} and not found.failed
+        plain, learned = (found.scores[name]["voxels"]["gaps"]["nll"] for name in ("cvae-hm", rows[0]))
+        assert plain != learned
+
     def test_baselines_without_a_network_are_scored_in_three_dimensions(self, tmp_path):
         choice = ["mapper=[gpom,hm-fourier,hm-nystroem]", "pictures=false", "evaluation.occlusion=false"]
         assert run(fast(tmp_path, "experiment=streets", *choice)) == 0

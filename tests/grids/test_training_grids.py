@@ -6,7 +6,7 @@ from hilbertvae.cloud import fit_cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids import training_grids as made_by
 from hilbertvae.grids.cluster_grids import bin_grids, find_frames
-from hilbertvae.grids.training_grids import ClusteringSettings, training_grids, turned
+from hilbertvae.grids.training_grids import ClusteringSettings, gapped_grids, training_grids, turned
 from hilbertvae.occlusions import random_occlusion
 from toy_rooms import tiny_grid
 
@@ -98,3 +98,18 @@ def test_targets_say_how_many_points_are_in_each_cell(place):
     whole = fit_cloud(place.scans, place.resolution_m)
     votes = np.where(whole.occupied, 1, place.resolution_m / 2) * whole.weight
     assert counts.max() <= votes.max() * 1.1 + 0.1
+
+
+def test_gaps_of_a_cloud_without_scans(place):
+    """As of one with scans, which is neither turned nor scanned less; of more clusters than asked for, some."""
+    grid, cloud = tiny_grid(place.dimension), fit_cloud(place.scans, place.resolution_m)
+    clustering = ClusteringSettings(1, [1.0, 1.5], turn=False)
+    for detailed in (False, True):
+        wanted = training_grids(place.scans, place.resolution_m, grid, clustering, 5, detailed)
+        found = gapped_grids(cloud, place.resolution_m, grid, (1.0, 1.5), 5, detailed, most=10_000)
+        for ours, theirs in zip(found, wanted, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+    shown, target = gapped_grids(cloud, place.resolution_m, grid, (1.0, 1.5), 5, True, most=3)
+    assert len(shown) == len(target) == 3
+    for one, other in zip(shown, target, strict=True):
+        assert any((one == each).all() and (other == also).all() for each, also in zip(*wanted, strict=True))

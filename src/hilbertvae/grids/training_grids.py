@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import FREE_POINT_M, fit_cloud
+from hilbertvae.cloud import FREE_POINT_M, Cloud, fit_cloud
 from hilbertvae.gaps import random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, bin_voted, find_frames
+from hilbertvae.grids.frame import Frames
 from hilbertvae.occlusions import random_occlusion
 from hilbertvae.scans.scan import Scans
 
@@ -66,3 +67,16 @@ def training_grids(
     frames = find_frames(cloud, grid, seed)
     target = bin_voted(whole, frames, grid, resolution_m / FREE_POINT_M) if voted else bin_grids(whole, frames, grid)
     return bin_shown(cloud, frames, grid, detailed), target
+
+
+def gapped_grids(
+    cloud: Cloud, resolution_m: float, grid: GridSettings, gap_diameter_m: tuple[float, float], seed: int, detailed: bool, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """(shown, target): int8 grids of one clustering, without and with what gaps removed, as `training_grids` makes them, but of a `cloud`
+    whose scans are not there. `most`: of more clusters than that, so many are drawn."""
+    cut = random_gaps(cloud, gap_diameter_m, resolution_m, seed).cut(cloud)
+    frames = find_frames(cut, grid, seed)
+    if len(frames) > most:
+        drawn = np.sort(np.random.default_rng([seed, 0x6A9]).permutation(len(frames))[:most])
+        frames = Frames(frames.centre[drawn], frames.rotation[drawn], frames.scale[drawn])
+    return bin_shown(cut, frames, grid, detailed), bin_grids(cloud, frames, grid)

@@ -9,13 +9,13 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.grids.cluster_grids import bin_shown
 from hilbertvae.grids.frame import Frames
+from hilbertvae.mappers.completing_mapper import CompletingMapper
 from hilbertvae.mappers.growing_clusters import GrowingClusters
-from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Completion
 
 
-class GrowingMapper(Mapper):
-    """Base of `HilbertMap`, which has `_start`, `_check_network` and `_complete`; `fit` and `load_map` set the same attributes as this."""
+class GrowingMapper(CompletingMapper):
+    """Base of `HilbertMap`, which has `_start`; `fit` and `load_map` set the same attributes as this."""
 
     _growing: GrowingClusters | None = None
 
@@ -35,6 +35,8 @@ class GrowingMapper(Mapper):
         if not self.fill:
             raise InputError("fill: expected a map that fills gaps for partial_fit; fit one without grids on all scans")
         first = not hasattr(self, "grids_")
+        if first and self.adapt_steps:
+            raise InputError("adapt_steps: expected 0 to begin a map with partial_fit; only fit has a site to learn from")
         points, occupied, weight = self._checked_cloud(points, occupied, sample_weight, first)
         self._check_network(points.shape[1])  # a loaded map's is looked for now, before anything is altered
         if first:

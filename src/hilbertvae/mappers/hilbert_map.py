@@ -22,7 +22,7 @@ from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
 from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
 from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, levelled, unit_weights
-from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
+from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 HIDDEN_GAP_M = 2.5
 """Diameter of the gaps that the `cluster` rule hides from the network while it fits its weights."""
@@ -46,6 +46,8 @@ class HilbertMap(GrowingMapper):
     fill: without, there are no grids, and the map has what was observed alone.
     evidence: whether what was observed in a query's voxel is added; the paper's own map knows only its grids.
     grid, resolution_m: as the network was trained, unless given.
+    adapt_steps: for how many steps the network goes on learning from the site itself in `fit`, from gaps cut for that (`adaptation.py`).
+        100 take 25 s of 2 cores in 2D; 0, the default, leaves it as it is.
     """
 
     _index = None
@@ -65,6 +67,7 @@ class HilbertMap(GrowingMapper):
         resolution_m: float | None = None,
         seed: int = 0,
         device: str = "cpu",
+        adapt_steps: int = 0,
     ):
         self.reconstructor = reconstructor
         self.weights = weights
@@ -79,6 +82,7 @@ class HilbertMap(GrowingMapper):
         self.resolution_m = resolution_m
         self.seed = seed
         self.device = device
+        self.adapt_steps = adapt_steps
 
     def _fit(self, points, occupied, weight):
         cloud = Cloud(points, occupied, weight)
@@ -86,6 +90,8 @@ class HilbertMap(GrowingMapper):
             self._start_without_clusters(cloud)
             return
         self._start(cloud)
+        if self.adapt_steps:
+            self.adapted_ = self._adapt(cloud)
         clusters = cloud_clusters(cloud, self.grid_, self.seed)
         self.seeds_, self.frames_ = clusters.seeds, frames_of(clusters, cloud, self.grid_)
         self.factors_ = self._cluster_factors(cloud) if self.weights == "cluster" and len(self.frames_) else None
@@ -108,6 +114,7 @@ class HilbertMap(GrowingMapper):
         self._check_network(dimension)
         self.flips_ = FLIPS[dimension] if self.flips is None else self.flips
         self.check_settings()
+        self._check_adaptation()
         self.grid_ = self.grid or (network.grid if network else GridSettings())
         if self.inner_radius_m is not None:
             self.grid_ = replace(self.grid_, inner_radius_m=self.inner_radius_m)
@@ -115,7 +122,7 @@ class HilbertMap(GrowingMapper):
         resolution_m = self.resolution_m or (network.resolution_m if network else RESOLUTION_M[dimension])
         self.evidence_ = Evidence(cloud.points, cloud.occupied, cloud.weight, resolution_m)
         self.rank_weights_ = self._rank_weights()
-        self.small_seeds_ = self._growing = None
+        self.small_seeds_ = self._growing = self.adapted_ = None
 
     def check_settings(self) -> None:
         """An `InputError` that names the setting which no map can have."""
@@ -128,10 +135,6 @@ class HilbertMap(GrowingMapper):
         if self.calibration not in ("voxels", "points"):
             raise InputError(f"calibration: expected voxels or points, got {self.calibration!r}")
 
-    def _check_network(self, dimension: int) -> None:
-        if self.reconstructor is not None and self.reconstructor.dimension != dimension:
-            raise InputError(f"points: the network is for {self.reconstructor.dimension}D, got {dimension}D points")
-
     def _rank_weights(self) -> RankWeights:
         learned = self.reconstructor.weights if self.reconstructor else {}
         if self.weights == "unit" or self.calibration not in learned:  # never learned, or raw grids
@@ -142,15 +145,6 @@ class HilbertMap(GrowingMapper):
         if len(weights.seen) != self.evidence_.feature_count + 2:
             raise InputError("checkpoint: the Hilbert Map's weights were learned by another version; train again")
         return weights if self.evidence else weights.grids_alone()
-
-    @property
-    def detailed_(self) -> bool:
-        return self.reconstructor is not None and self.reconstructor.detailed  # more of each cell than its label
-
-    def _complete(self, grids: np.ndarray) -> Completion:
-        if self.reconstructor is None:
-            return Completion(grids, None)
-        return self.reconstructor.complete(grids, self.flips_, device=self.device)
 
     def _cluster_factors(self, cloud: Cloud) -> np.ndarray:
         """The `cluster` rule's factors, from gaps hidden from the network for this fit alone: else copying would look like skill."""
@@ -223,7 +217,7 @@ class HilbertMap(GrowingMapper):
         return len(self.frames_)
 
     def stored_bytes(self) -> int:
-        """As a file, but for its header."""
+        """Of the arrays that its file has, before they are packed."""
         check_is_fitted(self)
         return sum(array.nbytes for array in map_arrays(self).values())
 

@@ -23,7 +23,8 @@ class RecordedNetwork:
         self._fingerprint, self._checkpoint = fingerprint, checkpoint
 
     @cached_property
-    def _found(self) -> Reconstructor:
+    def found(self) -> Reconstructor:
+        """The network itself."""
         for name in [self._checkpoint] if self._checkpoint is not None else SHIPPED:
             network = Reconstructor.load(name)
             if network.fingerprint() == self._fingerprint:
@@ -41,24 +42,24 @@ class RecordedNetwork:
 
     @property
     def dimension(self) -> int:
-        return self._found.dimension
+        return self.found.dimension
 
     @property
     def grid(self) -> GridSettings:
-        return self._found.grid
+        return self.found.grid
 
     @property
     def resolution_m(self) -> float:
-        return self._found.resolution_m
+        return self.found.resolution_m
 
     @property
     def weights(self) -> dict:
-        return self._found.weights
+        return self.found.weights
 
     @property
     def detailed(self) -> bool:
-        return self._found.detailed
+        return self.found.detailed
 
     def complete(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> Completion:
         """As `Reconstructor.complete`."""
-        return self._found.complete(grids, flips, batch, device)
+        return self.found.complete(grids, flips, batch, device)

@@ -9,7 +9,10 @@ HEADLINES = (("points", "f1", "F1 at the cut"), ("points", "auc", "AUC"), ("voxe
 """Reading, metric and name of what methods are compared by, inside gaps."""
 CHAMPIONS = {"points": ("cvae-hm-points", "cae-hm-points", "cvae-hm-paper", "cae-hm-paper"), "voxels": ("cvae-hm", "cae-hm")}
 """By reading, the row that stands for the run's network: the first of these that was scored; each is calibrated for its reading."""
-NOT_RIVALS = ("cvae-hm", "cvae-hm-points", "cae-hm", "cae-hm-points", "cvae-hm-paper", "cae-hm-paper", "gap-centre")
+NOT_RIVALS = (
+    *(f"{kind}-hm{row}" for kind in ("cvae", "cae") for row in ("", "-points", "-paper", "-adapted", "-points-adapted")),
+    "gap-centre",
+)
 
 
 def pairwise_table(result: Result, region: str = "gaps") -> str:

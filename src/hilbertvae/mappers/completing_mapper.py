@@ -1,0 +1,60 @@
+"""The part of the Hilbert Map that asks its network, and lets it learn from the site."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hilbertvae.checks import InputError
+from hilbertvae.cloud import Cloud
+from hilbertvae.grids.training_grids import gapped_grids
+from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reconstruction.adaptation import adapted, batch_size
+from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
+
+CUT_GAPS_M = (1.5, 3.5)
+"""Diameters of the gaps of each clustering that a network learns from, as in training."""
+MOST_CLUSTERINGS = 8
+
+
+class CompletingMapper(Mapper):
+    """Base of `GrowingMapper`. `adapted_` is the network after it learned from the site, or None; a loaded map has none."""
+
+    adapted_: Reconstructor | None = None
+
+    def _check_network(self, dimension: int) -> None:
+        if self.reconstructor is not None and self.reconstructor.dimension != dimension:
+            raise InputError(f"points: the network is for {self.reconstructor.dimension}D, got {dimension}D points")
+
+    @property
+    def detailed_(self) -> bool:
+        return self.reconstructor is not None and self.reconstructor.detailed  # more of each cell than its label
+
+    def _complete(self, grids: np.ndarray) -> Completion:
+        network = self.adapted_ or self.reconstructor
+        return Completion(grids, None) if network is None else network.complete(grids, self.flips_, device=self.device)
+
+    def _check_adaptation(self) -> None:
+        steps = self.adapt_steps
+        if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or steps < 0:
+            raise InputError(f"adapt_steps: expected a whole number from 0, got {steps!r}")
+        if steps and self.reconstructor is None:
+            raise InputError("adapt_steps: expected a network that can learn, got raw grids")
+        if steps and not self.fill:
+            raise InputError("adapt_steps: expected 0 without fill, where no network is asked")
+
+    def _adapt(self, cloud: Cloud) -> Reconstructor:
+        """The network after `adapt_steps` on gaps that are cut from the cloud for this alone: several clusterings, until each grid is seen
+        about once or there are enough."""
+        network = self.reconstructor if isinstance(self.reconstructor, Reconstructor) else self.reconstructor.found  # a loaded map's
+        shown, target = [], []
+        wanted = self.adapt_steps * batch_size(network)
+        for number in range(MOST_CLUSTERINGS):
+            seed = self.seed + 1000 * (number + 1)  # others than those of the map's own clusters
+            pair = gapped_grids(cloud, self.evidence_.resolution_m, self.grid_, CUT_GAPS_M, seed, network.detailed, wanted)
+            shown.append(pair[0])
+            target.append(pair[1])
+            wanted -= len(pair[0])
+            if wanted <= 0:
+                break
+        shown, target = np.concatenate(shown), np.concatenate(target)
+        return adapted(network, shown, target, self.adapt_steps, self.seed, self.device) if len(shown) else network

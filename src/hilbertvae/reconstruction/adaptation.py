@@ -1,0 +1,99 @@
+"""A network that goes on learning from the site it maps: gaps are cut from what was seen there, and it is asked to fill them.
+
+Where nobody saw anything it is held to what it said before (learning without forgetting; Li & Hoiem 2016): gaps teach nothing of what lies
+behind things, and would undo what it knows of that.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import replace
+
+import numpy as np
+import torch
+from rich.progress import track
+from torch import Tensor
+from torch.nn import functional as F
+
+from hilbertvae.checks import InputError
+from hilbertvae.grids.cluster_grids import labels_of
+from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment
+from hilbertvae.reconstruction.blocks import Reconstruction
+from hilbertvae.reconstruction.likelihood import LIKELIHOODS
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+
+GAP_DIAMETER_M = (1.0, 3.5)
+"""Of the balls that are cut from each batch."""
+BALLS_AREA_M2 = 20.0
+"""One ball for so much of a box, as in training."""
+BATCH_CELLS = 2**18
+LEARNING_RATE = 5e-4
+WARMUP_STEPS = 10
+MOST_GRADIENT = 1000.0
+
+
+def batch_size(reconstructor: Reconstructor) -> int:
+    """Grids that a step sees: 64 of 64 x 64 cells, 16 of 128 x 128, 8 of 32 x 32 x 32."""
+    return max(1, BATCH_CELLS // reconstructor.grid.cells**reconstructor.dimension)
+
+
+def adapted(
+    reconstructor: Reconstructor, shown: np.ndarray, target: np.ndarray, steps: int, seed: int, device: str = "cpu"
+) -> Reconstructor:
+    """`reconstructor`, trained for `steps` more on pairs of grids of one site (`gapped_grids`); the one given is left as it is.
+
+    An `InputError` for a network that does not say how likely a cell is to be occupied or known (the paper's).
+    """
+    if reconstructor.likelihood.kind != "bernoulli" or not getattr(reconstructor.network_settings, "known", False):
+        raise InputError("adapt_steps: expected a network that answers with logits and says which cells would be known, got another kind")
+    before, network = reconstructor.network.eval().to(device), copy.deepcopy(reconstructor.network).to(device)
+    likelihood = LIKELIHOODS["bernoulli"](reconstructor.likelihood)
+    optimizer = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, betas=(0.9, 0.95), weight_decay=0.0)
+    schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: _rate(step, steps))
+    augmentation, dimension = _augmentation(reconstructor), reconstructor.dimension
+    rng, grids = np.random.default_rng(seed), [torch.from_numpy(part) for part in (shown, target)]
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        network.train()
+        for _ in track(range(steps), "Learning from the site", transient=True):
+            drawn = np.sort(rng.choice(len(shown), min(batch_size(reconstructor), len(shown)), replace=False))
+            batch = augment(*(part[drawn].to(device) for part in grids), augmentation, dimension)
+            with torch.autocast(device.split(":")[0], torch.bfloat16):
+                with torch.no_grad():
+                    said = before(batch[0])
+                found = network(batch[0])
+            hidden, told = (labels_of(part, dimension) for part in batch)
+            fit = likelihood(found.output, told, hidden) + _kept(found, said, told == 0, reconstructor.likelihood.known_weight)
+            fit.mean().backward()
+            norm = torch.nn.utils.clip_grad_norm_(network.parameters(), MOST_GRADIENT)
+            if torch.isfinite(norm):
+                optimizer.step()
+            optimizer.zero_grad(set_to_none=True)
+            schedule.step()
+    return replace(reconstructor, network=network.eval())
+
+
+def _kept(found: Reconstruction, said: Reconstruction, unknown: Tensor, known_weight: float) -> Tensor:
+    """(B,) how far the network has come from what it `said` of cells that nobody saw, by how likely they are to be seen; and of which
+    cells would be."""
+    likely = torch.sigmoid(said.known.float())
+    apart = _divergence(found.output, said.output) * likely * unknown + known_weight * _divergence(found.known, said.known)
+    return apart.flatten(1).sum(dim=1)
+
+
+def _divergence(logit: Tensor, before: Tensor) -> Tensor:
+    """The KL divergence of coins with these logits from those `before`, cell by cell."""
+    share = torch.sigmoid(before.float())
+    entropy = F.binary_cross_entropy_with_logits(before.float(), share, reduction="none")
+    return F.binary_cross_entropy_with_logits(logit.float(), share, reduction="none") - entropy
+
+
+def _augmentation(reconstructor: Reconstructor) -> AugmentationSettings:
+    side_m, cell_m = reconstructor.grid.cluster_diameter_m, reconstructor.grid.cell_m
+    balls = max(1, round(side_m**2 / BALLS_AREA_M2))
+    return AugmentationSettings(balls=balls, ball_diameter_cells=[length / cell_m for length in GAP_DIAMETER_M])
+
+
+def _rate(step: int, steps: int) -> float:
+    return min(1.0, (step + 1) / WARMUP_STEPS) * 0.5 * (1 + math.cos(math.pi * step / steps))

@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+from sklearn.base import clone
+
+from hilbertvae.checks import InputError
+from hilbertvae.mappers import completing_mapper
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.saved_map import load_map, save_map
+from toy_rooms import tiny_grid, tiny_reconstructor
+
+
+def fit(mapper, cloud):
+    return mapper.fit(cloud.points, cloud.occupied, cloud.weight)
+
+
+def queries_of(place, count=300):
+    low, high = place.fit.points.min(axis=0), place.fit.points.max(axis=0)
+    return np.random.default_rng(0).uniform(low, high, (count, place.dimension))
+
+
+def test_a_map_whose_network_learned_from_the_site(place):
+    network = tiny_reconstructor(place.dimension)
+    plain, learned = fit(HilbertMap(network), place.fit), fit(HilbertMap(network, adapt_steps=2), place.fit)
+    queries = queries_of(place)
+    assert plain.adapted_ is None
+    assert learned.adapted_.fingerprint() != network.fingerprint()
+    assert (plain.predict_proba(queries) != learned.predict_proba(queries)).any()
+    same = fit(HilbertMap(learned.adapted_), place.fit)
+    np.testing.assert_array_equal(same.predict_proba(queries), learned.predict_proba(queries))
+    again = fit(clone(learned), place.fit)
+    np.testing.assert_array_equal(again.predict_proba(queries), learned.predict_proba(queries))
+    back = fit(learned.set_params(adapt_steps=0), place.fit)
+    assert back.adapted_ is None
+    np.testing.assert_array_equal(back.predict_proba(queries), plain.predict_proba(queries))
+
+
+@pytest.mark.parametrize(("steps", "clusterings"), [(1, 1), (10_000, completing_mapper.MOST_CLUSTERINGS)])
+def test_as_many_clusterings_as_steps_need(room, monkeypatch, steps, clusterings):
+    seen = []
+
+    def learn(network, shown, target, steps, seed, device):
+        seen.append((shown, target))
+        return network
+
+    monkeypatch.setattr(completing_mapper, "adapted", learn)
+    monkeypatch.setattr(completing_mapper, "batch_size", lambda network: 5)
+    mapper = fit(HilbertMap(tiny_reconstructor(), adapt_steps=steps), room.fit)
+    ((shown, target),) = seen
+    assert len(shown) == len(target)
+    assert len(shown) == 5 if clusterings == 1 else len(shown) > 4 * len(mapper.frames_)
+    assert ((shown == 0) & (target != 0)).any()
+
+
+def test_it_goes_on_with_the_network_that_learned(room, tmp_path):
+    mapper = fit(HilbertMap(tiny_reconstructor(), adapt_steps=2), room.fit)
+    path, kept = save_map(mapper, tmp_path / "site.map"), mapper.adapted_.save(tmp_path / "model.safetensors")
+    found, queries = load_map(path, checkpoint=kept), queries_of(room)
+    assert found.adapt_steps == 0
+    np.testing.assert_array_equal(found.predict_proba(queries), mapper.predict_proba(queries))
+    part = room.fit.select(slice(200))
+    for each in (mapper, found):
+        each.partial_fit(part.points, part.occupied, part.weight)
+    np.testing.assert_array_equal(found.predict_proba(queries), mapper.predict_proba(queries))
+    with pytest.raises(InputError, match="does not come with this version"):
+        load_map(path).partial_fit(part.points, part.occupied, part.weight)
+    learned = fit(found.set_params(adapt_steps=1), room.fit)
+    assert learned.adapted_.fingerprint() != mapper.adapted_.fingerprint()
+
+
+@pytest.mark.parametrize("steps", [-1, 1.5, True, "many"])
+def test_steps_that_are_no_number_of_steps(room, steps):
+    with pytest.raises(InputError, match="adapt_steps: expected a whole number from 0"):
+        fit(HilbertMap(tiny_reconstructor(), adapt_steps=steps), room.fit)
+
+
+def test_where_nothing_can_be_learned(room):
+    with pytest.raises(InputError, match="adapt_steps: expected a network that can learn, got raw grids"):
+        fit(HilbertMap(grid=tiny_grid(), adapt_steps=1), room.fit)
+    with pytest.raises(InputError, match="adapt_steps: expected 0 without fill"):
+        fit(HilbertMap(tiny_reconstructor(), fill=False, adapt_steps=1), room.fit)
+    with pytest.raises(InputError, match="adapt_steps: expected 0 to begin a map with partial_fit"):
+        HilbertMap(tiny_reconstructor(), adapt_steps=1).partial_fit(room.fit.points, room.fit.occupied)

@@ -1,0 +1,94 @@
+import numpy as np
+import pytest
+import torch
+from scipy.special import expit
+
+from hilbertvae.checks import InputError
+from hilbertvae.cloud import fit_cloud
+from hilbertvae.grids.cluster_grids import labels_of
+from hilbertvae.grids.training_grids import gapped_grids
+from hilbertvae.reconstruction import adaptation
+from hilbertvae.reconstruction.adaptation import adapted, batch_size
+from hilbertvae.reconstruction.likelihood import LikelihoodSettings
+from toy_rooms import tiny_reconstructor
+
+
+def pairs_of(place, seed, detailed=False):
+    network = tiny_reconstructor(place.dimension)
+    return gapped_grids(fit_cloud(place.scans, place.resolution_m), place.resolution_m, network.grid, (1.0, 1.5), seed, detailed, most=200)
+
+
+def hidden_loss(network, pairs):
+    """Mean negative log-likelihood of the cells that gaps removed."""
+    shown, target = pairs
+    chance = expit(network.reconstruct(shown, flips=1))
+    shown = labels_of(shown, network.dimension)
+    hidden = (shown == 0) & (target != 0)
+    return -np.log(np.where(target > 0, chance, 1 - chance)[hidden]).mean()
+
+
+def weights_of(network):
+    return {name: tensor.clone() for name, tensor in network.network.state_dict().items()}
+
+
+@pytest.mark.parametrize("encoding", ["hit_free", "detailed"])
+def test_it_learns_what_other_gaps_of_the_site_hide(place, encoding, monkeypatch):
+    monkeypatch.setattr(adaptation, "LEARNING_RATE", 1e-2)  # a network that was never trained has far to go
+    before = tiny_reconstructor(place.dimension, encoding=encoding)
+    pairs, other = (pairs_of(place, seed, before.detailed) for seed in (1, 2))
+    kept, state = weights_of(before), torch.random.get_rng_state()
+    after = adapted(before, *pairs, steps=40, seed=0)
+    assert torch.equal(torch.random.get_rng_state(), state)
+    assert hidden_loss(after, other) < 0.9 * hidden_loss(before, other)
+    for name, tensor in weights_of(before).items():
+        assert torch.equal(tensor, kept[name])
+    assert after.weights == before.weights and after.grid == before.grid
+    assert not after.network.training
+
+
+def test_the_seed_decides(room):
+    before, pairs = tiny_reconstructor(), pairs_of(room, 1)
+    one, same, other = (adapted(before, *pairs, steps=3, seed=seed).fingerprint() for seed in (0, 0, 1))
+    assert one == same != other
+
+
+def test_what_nobody_saw_is_answered_as_before(room, monkeypatch):
+    """Cells that even the uncut site does not know move less with the term that holds them than without it."""
+    monkeypatch.setattr(adaptation, "LEARNING_RATE", 5e-3)
+    before, pairs = tiny_reconstructor(), pairs_of(room, 1)
+
+    def moved():
+        after = adapted(before, *pairs, steps=40, seed=0)
+        asked = before.complete(pairs[0], flips=1), after.complete(pairs[0], flips=1)
+        unknown = pairs[1] == 0
+        logits = np.abs(np.subtract(*(np.float32(found.value) for found in asked)))[unknown].mean()
+        return logits, np.abs(np.subtract(*(np.float32(found.known) for found in asked))).mean()
+
+    held = moved()
+    monkeypatch.setattr(adaptation, "_kept", lambda found, said, unknown, known_weight: 0.0)
+    free = moved()
+    assert held[0] < 0.85 * free[0]
+    assert held[1] < free[1]
+
+
+def test_divergence_is_that_of_two_coins():
+    logit, before = torch.linspace(-6, 6, 25), torch.linspace(5, -7, 25)
+    p, q = expit(before.double().numpy()), expit(logit.double().numpy())
+    wanted = p * np.log(p / q) + (1 - p) * np.log((1 - p) / (1 - q))
+    np.testing.assert_allclose(adaptation._divergence(logit, before), wanted, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(adaptation._divergence(before, before), 0, atol=1e-6)
+
+
+def test_a_batch_has_as_many_cells_whatever_the_grid():
+    assert batch_size(tiny_reconstructor()) == 2**18 // 16**2
+    assert batch_size(tiny_reconstructor(3)) == 2**18 // 16**3
+
+
+def test_networks_of_another_kind_are_refused(room):
+    pairs = pairs_of(room, 1)
+    silent = tiny_reconstructor(known=False)
+    squared = tiny_reconstructor()
+    squared.likelihood = LikelihoodSettings(kind="gaussian")
+    for network in (silent, squared):
+        with pytest.raises(InputError, match="adapt_steps: expected a network that answers with logits"):
+            adapted(network, *pairs, steps=1, seed=0)
