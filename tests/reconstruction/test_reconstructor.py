@@ -56,7 +56,7 @@ def test_the_mean_over_symmetries_by_hand(dimension, flips):
         value = made.reconstruct(np.ascontiguousarray(moved), flips=1)
         value = np.flip(value, [axis + 1 for axis in axes])
         total += value.swapaxes(1, 2) if swap else value
-    np.testing.assert_allclose(made.reconstruct(grids, flips=flips), total / flips, rtol=2e-3, atol=2e-4)  # kept as float16
+    np.testing.assert_allclose(made.reconstruct(grids, flips=flips), total / flips, rtol=2e-3, atol=1e-3)  # kept as float16
 
 
 def test_kernel_values_are_clipped_logits():
@@ -194,7 +194,7 @@ def test_a_detailed_network_over_symmetries_by_hand(tmp_path, dimension):
             moved[:, 3 + axis] *= -1
         total = total + np.flip(made.reconstruct(moved, flips=1), [axis + 1 for axis in axes])
     found = made.complete(grids, flips=4)
-    np.testing.assert_allclose(found.value, total / 4, rtol=2e-3, atol=2e-4)
+    np.testing.assert_allclose(found.value, total / 4, rtol=2e-3, atol=1e-3)
     assert (found.known[grids[:, 0] != 0] == 255).all() and (found.known[grids[:, 0] == 0] < 255).any()
     plain = grids.copy()
     plain[:, 1:] = 0

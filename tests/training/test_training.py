@@ -18,7 +18,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
 from hilbertvae.mappers.nearest import NearestMapper  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
 from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
-from hilbertvae.training.train import train, training_hash  # noqa: E402
+from hilbertvae.training.train import _precision, train, training_hash  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -195,3 +195,16 @@ def test_the_maps_weights_are_learned_over_the_runs_flips(finished, tmp_path):
     one, four = Reconstructor.load(other), Reconstructor.load(path)
     assert all(torch.equal(a, b) for a, b in zip(one.network.state_dict().values(), four.network.state_dict().values(), strict=True))
     assert one.weights != four.weights
+
+
+@pytest.mark.parametrize(("on_cpu", "on_gpu"), [(False, True), (True, False)])
+def test_numbers_are_those_that_the_processor_multiplies_in(tmp_path, monkeypatch, on_cpu, on_gpu):
+    has = {"cpu": on_cpu, "cuda": on_gpu}
+    monkeypatch.setattr("hilbertvae.training.train.fast_type", lambda kind: torch.bfloat16 if has[kind] else torch.float32)
+    words = {True: "bf16-mixed", False: "32-true"}
+    for gpu in (False, True):
+        monkeypatch.setattr(torch.cuda, "is_available", lambda gpu=gpu: gpu)
+        for accelerator, found in (("cpu", on_cpu), ("gpu", on_gpu), ("auto", on_gpu if gpu else on_cpu)):
+            chosen = replace(TRAINER, precision="auto", accelerator=accelerator)
+            assert _precision(tiny_settings(tmp_path, tmp_path, trainer=chosen)) == words[found]
+    assert _precision(tiny_settings(tmp_path, tmp_path, trainer=replace(TRAINER, precision="16-mixed"))) == "16-mixed"

@@ -21,6 +21,7 @@ from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment
 from hilbertvae.reconstruction.blocks import Reconstruction
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
+from hilbertvae.reconstruction.precision import fast_autocast
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 GAP_DIAMETER_M = (1.0, 3.5)
@@ -59,7 +60,7 @@ def adapted(
         for _ in track(range(steps), "Learning from the site", transient=True):
             drawn = np.sort(rng.choice(len(shown), min(batch_size(reconstructor), len(shown)), replace=False))
             batch = augment(*(part[drawn].to(device) for part in grids), augmentation, dimension)
-            with torch.autocast(device.split(":")[0], torch.bfloat16):
+            with fast_autocast(device):
                 with torch.no_grad():
                     said = before(batch[0])
                 found = network(batch[0])

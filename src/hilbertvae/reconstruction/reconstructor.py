@@ -23,6 +23,7 @@ from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, LikelihoodSettings
 from hilbertvae.reconstruction.networks import NetworkSettings, build_network, network_settings
 from hilbertvae.reconstruction.packed_weights import pack, unpack
+from hilbertvae.reconstruction.precision import fast_autocast
 from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reconstruction.symmetry import apply, apply_channels, symmetries, undo
 
@@ -69,7 +70,7 @@ class Reconstructor:
         labels, move = labels_of(grids, self.dimension), apply_channels if self.detailed else apply
         value = np.empty(labels.shape, np.float16)
         known = np.empty(labels.shape, np.uint8) if getattr(self.network_settings, "known", False) else None
-        with torch.inference_mode(), torch.autocast(device.split(":")[0], torch.bfloat16):
+        with torch.inference_mode(), fast_autocast(device):
             for start in range(0, len(grids), batch):
                 portion = slice(start, start + batch)
                 shown = torch.from_numpy(grids[portion]).to(device)
@@ -92,7 +93,7 @@ class Reconstructor:
             return None
         network, generator = self.network.eval().cpu(), torch.Generator().manual_seed(seed)
         kernel_value = LIKELIHOODS[self.likelihood.kind].kernel_value
-        with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16):
+        with torch.inference_mode(), fast_autocast():
             return torch.stack([kernel_value(network.draw(torch.from_numpy(grids), generator)) for _ in range(count)]).numpy()
 
     def fingerprint(self) -> str:

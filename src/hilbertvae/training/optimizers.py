@@ -8,6 +8,8 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor, nn
 
+from hilbertvae.reconstruction.precision import fast_type
+
 NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
 """Coefficients of the quintic that takes all singular values of a matrix to between about 0.7 and 1.2 in five rounds (Jordan 2024)."""
 ROUNDS = 5
@@ -17,9 +19,9 @@ MATCH = 0.2
 
 
 def orthogonalised(matrix: Tensor) -> Tensor:
-    """(A, B), bfloat16: U V^T, roughly, of U S V^T = `matrix (A, B)`, so that no direction drowns another."""
+    """(A, B), in the `fast_type`: U V^T, roughly, of U S V^T = `matrix (A, B)`, so that no direction drowns another."""
     a, b, c = NEWTON_SCHULZ
-    x = matrix.bfloat16()
+    x = matrix.to(fast_type(matrix.device.type))
     tall = x.shape[0] > x.shape[1]
     x = x.T if tall else x
     x = x / x.norm().clamp_min(1e-7)

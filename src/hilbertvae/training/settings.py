@@ -22,7 +22,7 @@ from hilbertvae.site import SIMULATED, SiteSource, site_name
 from hilbertvae.training.optimizers import OPTIMIZERS
 
 TASKS = ("maps", "clustering")
-PRECISIONS = ("32-true", "bf16-mixed", "16-mixed", "bf16-true", "64-true")
+PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed", "bf16-true", "64-true")
 
 
 @dataclass
@@ -74,7 +74,8 @@ class TrainerSettings:
     patience_epochs: int = 0
     """Epochs without a better validation loss after which training ends; 0 trains to the end. The best weights are kept either way."""
     validation_grids: int = 1024
-    precision: str = "bf16-mixed"
+    precision: str = "auto"
+    """As Lightning names them; auto is bf16-mixed where the processor multiplies in bfloat16, else 32-true."""
     threads: int = 0
     """Threads of torch; 0 leaves its own choice. Bits depend on it."""
     accelerator: str = "auto"

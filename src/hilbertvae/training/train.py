@@ -19,6 +19,7 @@ import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.files import atomic, hash_of, path_sha256, write_json
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reconstruction.precision import fast_type
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.training.grids_datamodule import GRID_SOURCES, GridsDataModule, code_hash
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
@@ -117,7 +118,7 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
             accelerator=settings.trainer.accelerator,
             devices=settings.trainer.devices,
             strategy=settings.trainer.strategy,
-            precision=settings.trainer.precision,
+            precision=_precision(settings),
             max_epochs=settings.trainer.epochs,
             gradient_clip_val=settings.trainer.gradient_clip,
             plugins=[AtomicCheckpoints()],
@@ -141,6 +142,15 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
                 os.environ.pop(name, None)
                 os.environ.update({name: value} if value is not None else {})
     return after_fit.checkpoint
+
+
+def _precision(settings: Settings) -> str:
+    """Lightning's word for `trainer.precision`."""
+    chosen, accelerator = settings.trainer.precision, settings.trainer.accelerator
+    if chosen != "auto":
+        return chosen
+    on_gpu = accelerator in ("gpu", "cuda") or accelerator == "auto" and torch.cuda.is_available()
+    return "bf16-mixed" if fast_type("cuda" if on_gpu else "cpu") is torch.bfloat16 else "32-true"
 
 
 def _last_epoch(output: Path, settings: Settings) -> Path | None:
