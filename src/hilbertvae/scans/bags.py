@@ -21,6 +21,7 @@ from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.file_points import check_reading, extra_module, named, reading
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
 from hilbertvae.scans.scan import Scans
+from hilbertvae.scans.scan_collector import ScanCollector
 
 BAG_FILES = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
@@ -68,8 +69,7 @@ def read_bag(
                 raise InputError(f"reading.{name}: {chosen} of {path} are planar laser scans, where this has no meaning; leave it unset")
         finder = bag.poses(fixed_frame) if poses is None else None
         beam_origins, odometry, unit = find_beam_origins(beam_origin), KissOdometry(), UnitCheck()
-        points, origins, scan, beam = [], [], [], []
-        seen = found = 0
+        found, seen = ScanCollector(), 0
         # Odometry goes from scan to scan, so it sees those too that are left out.
         for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
             with named(f"{path}, a message of {chosen}"):
@@ -85,18 +85,13 @@ def read_bag(
             seen += 1
             if pose is None or (is_flat and pose[2, 2] ** 2 < np.cos(np.deg2rad(MOST_TILT_DEG)) ** 2):
                 continue
-            dimension = DIMENSIONS[bag.types[chosen]]
-            points.append((cloud[kept] @ pose[:3, :3].T + pose[:3, 3])[:, :dimension])
-            origins.append((start[kept] @ pose[:3, :3].T + pose[:3, 3])[:, :dimension])
-            scan.append(np.full(len(kept), found, np.int32))
-            beam.append(kept.astype(np.int32))
-            found += 1
+            found.add(cloud, start, kept, pose, DIMENSIONS[bag.types[chosen]])
     unit.warn(path)
     odometry.warn(path)
-    _warn(path, chosen, finder, found, seen)
-    if not sum(map(len, points)):
+    _warn(path, chosen, finder, len(found), seen)
+    if not found.returns():
         raise InputError(f"{path}: expected beams of {min_range_m} to {max_range_m} m on {chosen}, found none in {seen} scans")
-    return Scans(*map(np.concatenate, (points, origins, scan, beam)))
+    return found.whole()
 
 
 def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int) -> None:

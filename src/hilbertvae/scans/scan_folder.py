@@ -19,6 +19,7 @@ from hilbertvae.scans.odometry import FINDING, KISS_ICP, KissOdometry, check_pos
 from hilbertvae.scans.point_files import READERS, read_points
 from hilbertvae.scans.poses import lidar_poses, read_poses
 from hilbertvae.scans.scan import Scans
+from hilbertvae.scans.scan_collector import ScanCollector
 
 POSES = "poses.txt"
 NOT_SCANS = {POSES, "times.txt", "timestamps.txt", "calib.txt", "readme.txt", "license.txt"}
@@ -76,7 +77,7 @@ def read_posed_scans(
     beam_origins = find_beam_origins(beam_origin)
     given = _given_poses(files, poses_path, lidar_to_camera) if poses is None else None
     odometry, unit = KissOdometry(), UnitCheck()
-    points, origins, scan, beam = [], [], [], []
+    kept = ScanCollector()
     # Odometry goes from scan to scan, so it sees those too that are left out.
     taken = range(0, len(files), every) if poses is None else track(range(len(files)), FINDING)
     for index in taken:
@@ -91,15 +92,12 @@ def read_posed_scans(
             pose = odometry.register(found.points[chosen]) if given is None else given[index]
         if index % every:
             continue
-        points.append(found.points[chosen] @ pose[:, :3].T + pose[:, 3])
-        origins.append(start[chosen] @ pose[:, :3].T + pose[:, 3])
-        scan.append(np.full(len(chosen), index // every, np.int32))
-        beam.append(chosen.astype(np.int32))
+        kept.add(found.points, start, chosen, pose)
     unit.warn(files[0].parent)
     odometry.warn(files[0].parent)
-    if not sum(map(len, points)):
-        raise InputError(f"{files[0].parent}: expected beams of {min_range_m} to {max_range_m} m, found none in {len(points)} scans")
-    return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam))
+    if not kept.returns():
+        raise InputError(f"{files[0].parent}: expected beams of {min_range_m} to {max_range_m} m, found none in {len(kept)} scans")
+    return kept.whole()
 
 
 def _given_poses(files: list[Path], poses_path: Path, lidar_to_camera: np.ndarray | None) -> np.ndarray:
