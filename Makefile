@@ -7,10 +7,11 @@ READY := $(VENV)/.ready
 .PHONY: run run-3d test clean
 .DEFAULT_GOAL := run
 
+# --no-compile: Python compiles what it imports when it does, which is a small part of torch.
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt torch
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[sim,points,bags,poses,dev]'
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt torch
+	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt --editable '.[sim,points,bags,poses,dev]'
 	touch $@
 
 run: $(READY)  ## Train on simulated buildings, score on another one, leave pictures and result.json in outputs/run
