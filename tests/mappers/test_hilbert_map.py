@@ -2,44 +2,19 @@ import pickle
 
 import numpy as np
 import pytest
+from hilbert_map_toys import fit, gapped, learned, reconstructor
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.base import clone
-from sklearn.exceptions import NotFittedError
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
-from hilbertvae.gaps import random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
 from hilbertvae.grids.kernel import kernel
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.hilbert_map import HilbertMap
-from hilbertvae.mappers.weights import RankWeights
 from hilbertvae.voxel_votes import voxel_index
-from toy_rooms import tiny_grid, tiny_reconstructor
-
-FEATURES = 13
-"""What evidence says of a query in an observed voxel."""
-
-
-def learned(neighbours=5, seed=0):
-    rng = np.random.default_rng(seed)
-    unseen, everywhere = rng.uniform(0.1, 1, (2, neighbours + 1))
-    return RankWeights(unseen, rng.uniform(-0.3, 0.3, FEATURES + 2), everywhere).plain()
-
-
-def reconstructor(dimension=2):
-    made = tiny_reconstructor(dimension)
-    made.weights = {"voxels": learned(), "points": learned(seed=1)}
-    return made
-
-
-def gapped(place, seed=0):
-    return random_gaps(place.fit, 1.2, place.resolution_m, seed).cut(place.fit)
-
-
-def fit(mapper, cloud):
-    return mapper.fit(cloud.points, cloud.occupied, cloud.weight)
+from toy_rooms import tiny_grid
 
 
 @pytest.fixture(scope="module", params=["reconstructed", "raw", "cluster"])
@@ -245,13 +220,6 @@ def test_cluster_weights_are_fitted_without_what_is_to_be_scored(room, monkeypat
     assert (mapper.factors_ != 1).any()
 
 
-def test_weights_learned_by_another_version_are_named(room):
-    made = reconstructor()
-    made.weights["voxels"]["seen"].pop()
-    with pytest.raises(InputError, match="checkpoint: the Hilbert Map's weights were learned by another version"):
-        fit(HilbertMap(made), gapped(room))
-
-
 def test_parameters_and_clone():
     made, grid = reconstructor(), GridSettings(cells=8)
     mapper = HilbertMap(made, weights="unit", calibration="points", neighbours=3, flips=2, evidence=False, ridge=2.0, grid=grid, seed=7)
@@ -262,19 +230,6 @@ def test_parameters_and_clone():
         assert getattr(copy, name) == parameters[name]
     assert not hasattr(copy, "grids_")
     assert mapper.set_params(neighbours=4).neighbours == 4
-
-
-def test_an_extent_that_no_map_can_have_is_named(room):
-    outlier = np.vstack([room.fit.points, [[1e12, 1e12]]])
-    with pytest.raises(InputError, match=r"points: extent \[.*\] m is too large for voxels of 0.1 m"):
-        HilbertMap().fit(outlier, np.append(room.fit.occupied, True))
-
-
-def test_answers_before_a_fit():
-    with pytest.raises(NotFittedError):
-        HilbertMap().predict_proba([[0.0, 0.0]])
-    with pytest.raises(NotFittedError):
-        clone(HilbertMap()).predict([[0.0, 0.0]])
 
 
 def test_labels_of_any_kind(room):
@@ -295,61 +250,6 @@ def test_a_cloud_without_clusters_answers_from_evidence(weights, room):
     assert len(mapper.frames_) == 0
     assert (mapper.predict_proba(cloud.points[cloud.occupied])[:, 1] != 0.5).all()
     np.testing.assert_array_equal(mapper.predict_proba([[90.0, 90.0]]), 0.5)
-
-
-def bad_clouds():
-    rng = np.random.default_rng(0)
-    points, occupied = rng.uniform(0, 3, (60, 2)), rng.random(60) < 0.5
-    broken = points.copy()
-    broken[7, 0] = np.nan
-    return [
-        ((points[:0], occupied[:0]), "0 sample"),
-        ((broken, occupied), "NaN"),
-        ((np.where(np.isnan(broken), np.inf, broken), occupied), "infinity"),
-        ((points.ravel(), occupied), "2D array"),
-        ((points, occupied[:-1]), "inconsistent"),
-        ((points, np.ones(60, bool)), "one class only"),
-        ((points, np.zeros(60, bool)), "one class only"),
-        ((points, np.arange(60) % 3), "binary"),
-        ((np.ones((60, 4)), occupied), "expected 2 or 3 coordinates, got 4"),
-        ((np.column_stack([points, points[:, 0]]), occupied), "the network is for 2D, got 3D"),
-        ((points, occupied, -np.ones(60)), "[Nn]egative"),
-        ((points, occupied, np.zeros(60)), "positive weights|non-zero"),
-    ]
-
-
-@pytest.mark.parametrize(("cloud", "message"), bad_clouds())
-def test_bad_clouds_are_named(cloud, message):
-    with pytest.raises(InputError, match=message):
-        HilbertMap(reconstructor()).fit(*cloud)
-
-
-@pytest.mark.parametrize(
-    ("queries", "message"),
-    [([[0.0, np.nan]], "queries: .*NaN"), ([[0.0, 1.0, 2.0]], "queries: .*features"), ([0.0, 1.0], "queries: .*2D array")],
-)
-def test_bad_queries_are_named(room, queries, message):
-    mapper = fit(HilbertMap(grid=tiny_grid()), gapped(room))
-    for ask in (mapper.predict_proba, mapper.observed):
-        with pytest.raises(InputError, match=message):
-            ask(queries)
-    assert mapper.predict_proba(np.empty((0, 2))).shape == (0, 2)
-
-
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"weights": "best"}, "weights: expected unit, rank or cluster, got 'best'"),
-        ({"calibration": "pixels"}, "calibration: expected voxels or points, got 'pixels'"),
-        ({"neighbours": 3}, "neighbours: the weights were learned for 5, got 3"),
-        ({"neighbours": 0, "weights": "unit"}, "neighbours: expected a whole number of at least 1, got 0"),
-        ({"flips": 3}, "flips: expected 1, 2, 4 or 8, got 3"),
-        ({"flips": 0}, "flips: expected 1, 2, 4 or 8, got 0"),
-    ],
-)
-def test_bad_parameters_are_named(room, parameters, message):
-    with pytest.raises(InputError, match=message):
-        fit(HilbertMap(reconstructor(), **parameters), gapped(room))
 
 
 def test_the_size_of_a_map_is_that_of_its_arrays(room):

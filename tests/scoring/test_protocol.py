@@ -3,6 +3,7 @@ import json
 
 import numpy as np
 import pytest
+from protocol_toys import Spy, voxels
 from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError
@@ -12,32 +13,12 @@ from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scoring import cases
-from hilbertvae.scoring.cases import occluded_parts
 from hilbertvae.scoring.metrics import METRICS, score
 from hilbertvae.scoring.protocol import Protocol, ceiling, cut_site, evaluate, evaluate_all
 from hilbertvae.site import Site
 from hilbertvae.voxel_votes import voxel_index
-from toy_rooms import box_room, square_room
 
 QUICK = Protocol(gap_seeds=[0, 3], gap_ratio=0.5, cluster_size_m=3.0, occlusion=False)
-
-
-class Spy(Mapper):
-    """Keeps what it is fitted on and asked; answers like the nearest point of its own cloud, or 0.5 far from it."""
-
-    needs_both_classes = False
-
-    def __init__(self, seed=0):
-        self.seed = seed
-
-    def _fit(self, points, occupied, weight):
-        self.fits_ = [*getattr(self, "fits_", []), (points, occupied, weight, self.seed)]
-        self.tree_, self.occupied_ = cKDTree(points), occupied
-
-    def _probability(self, queries):
-        distance, index = self.tree_.query(queries)
-        self.asked_ = [*getattr(self, "asked_", []), queries]
-        return np.where(distance < 0.15, self.occupied_[index], 0.5)
 
 
 class Broken(Mapper):
@@ -53,17 +34,6 @@ class Broken(Mapper):
 
     def _probability(self, queries):
         raise ZeroDivisionError("no neighbours")
-
-
-@pytest.fixture(scope="module", params=[2, 3], ids=["2d", "3d"])
-def near_sighted(request):
-    """A site of which no scan sees more than 3 m, so that what is left out is truly hidden."""
-    scans = square_room() if request.param == 2 else box_room()
-    return Site("near-sighted", scans.select(np.linalg.norm(scans.points - scans.origins, axis=1) < 3.0))
-
-
-def voxels(points, resolution_m):
-    return {tuple(index) for index in voxel_index(points, resolution_m).tolist()}
 
 
 def test_removed_points_and_held_out_beams_are_never_shown(place):
@@ -226,60 +196,6 @@ def test_a_sensor_at_the_edge_of_the_map(dimension):
     site = Site("edge", Scans(points, origins, np.arange(4000) // 200, np.arange(4000) % 200), 0.1)
     found = evaluate(ConstantMapper(), site, Protocol(gap_seeds=[0], gap_ratio=0.5, cluster_size_m=1.2), "all")
     assert found.ceiling["points"]["recall"] > 0.9
-
-
-def test_which_scans_occlusion_keeps(near_sighted):
-    scans = near_sighted.scans
-    step = {2: 10, 3: 3}[near_sighted.dimension]
-    count = scans.scan.max() + 1
-    for seed in (0, 4):
-        parts = occluded_parts(scans, seed)
-        for scan in range(count):
-            mine = scans.scan == scan
-            assert (parts["occluded-sparse"][mine] == ((scan - seed) % step == 0)).all()
-            assert (parts["occluded-half"][mine] == (scan < count / 2)).all()
-
-
-@pytest.mark.parametrize(("count", "kept"), [(1, set()), (2, {"occluded-half"}), (3, {"occluded-half", "occluded-sparse"})])
-def test_a_site_of_few_scans_keeps_its_other_scores(count, kept):
-    whole = box_room()
-    scans = whole.select(whole.scan < count)
-    assert set(scans.scan) == set(range(count))
-    protocol = Protocol(gap_seeds=[0, 1, 2], gap_ratio=0.5, cluster_size_m=2.0)
-    found = evaluate(ConstantMapper(), Site("few", scans), protocol, "all").scores["all"]["voxels"]
-    assert {name for name in found if name in ("occluded-half", "occluded-sparse")} == kept
-    assert all(len(values) == 3 for region in found.values() for values in region.values())
-
-
-def test_occlusion_by_brute_force(near_sighted):
-    """Scored is what only the left-out scans saw, by its distance from the nearest kept point; shown is what the kept ones saw."""
-    site = near_sighted
-    spy = Spy()
-    found = evaluate(spy, site, Protocol(gap_seeds=[4], gap_ratio=0.5, cluster_size_m=3.0), "spy").scores["spy"]["voxels"]
-    assert len(spy.fits_) == 3
-    held_out = site.scans.held_out()
-    for (region, kept), given in zip(occluded_parts(site.scans, 4).items(), spy.fits_[1:], strict=True):
-        expected = fit_cloud(site.scans.select(kept & ~held_out), site.resolution_m)
-        np.testing.assert_array_equal(given[0], expected.points)
-        seen = fit_cloud(site.scans.select(kept), site.resolution_m)
-        known = voxels(seen.points, site.resolution_m)
-        bands = {(0.5, 2.5): region, (0.25, 0.5): f"{region}-0.25-0.5", (0.5, 1.0): f"{region}-0.5-1", (1.0, 2.5): f"{region}-1-2.5"}
-        inside = {band: [] for band in bands}
-        for k, index in enumerate(voxel_index(site.voxels.points, site.resolution_m).tolist()):
-            if tuple(index) in known:
-                continue
-            away = np.sqrt(((seen.points - site.voxels.points[k]) ** 2).sum(axis=1).min())
-            for band in bands:
-                if band[0] <= away < band[1]:
-                    inside[band].append(k)
-        assert len(inside[0.5, 2.5]) > 20
-        tree = cKDTree(given[0])
-        for band, row in bands.items():
-            chosen = np.array(inside[band], int)
-            distance, nearest = tree.query(site.voxels.points[chosen])
-            answer = np.where(distance < 0.15, given[1][nearest], 0.5)
-            for metric, value in score(site.voxels.occupied[chosen], answer).items():
-                assert found[row][metric] == [pytest.approx(value, abs=1e-12)], (row, metric)
 
 
 def test_centred_gaps_are_rows_of_their_own(room):

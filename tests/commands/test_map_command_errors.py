@@ -1,0 +1,98 @@
+"""What `hilbertvae-map` refuses, and that it leaves nothing behind."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from map_command_toys import npz_of
+
+from hilbertvae.checks import InputError
+from hilbertvae.commands import map as map_command
+from hilbertvae.exports.formats import EXPORTS
+from hilbertvae.mapping import MapSettings, make_map
+
+
+def test_a_key_is_named_as_this_command_has_it(tmp_path, capsys):
+    """Elsewhere the settings of reading are a group."""
+    np.savez(tmp_path / "cloud.npz", points=np.random.default_rng(0).uniform(1, 5, (100, 3)))
+    assert map_command.main([f"scans={tmp_path / 'cloud.npz'}"]) == 2
+    said = capsys.readouterr().err
+    assert "set sensor_origin_m" in said and "reading." not in said
+
+
+def test_3d_scans_without_poses_name_the_way_out(box, tmp_path, capsys):
+    for number in range(2):
+        np.savez(tmp_path / f"{number}.npz", points=box.scans.points[box.scans.scan == number], origins=np.zeros(3))
+    assert map_command.main([f"scans={tmp_path}"]) == 2
+    assert " poses=kiss_icp" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [
+        ([], "scans: expected a file or a folder"),
+        (["scans=nowhere.log"], "nowhere.log"),
+        (["scans=room.npz", "resolution_m=-1"], "resolution_m: expected a positive number"),
+        (["scans=room.npz", "resolution_m=wide"], "resolution_m: expected float"),
+        (["scans=room.npz", "exports=[ros,png]"], "exports: expected some of"),
+        (["scans=room.npz", "exports=[mesh]"], "mesh is for 3D maps, got a 2D one"),
+        (["scans=room.npz", "typo=1"], "typo: unknown key; expected one of"),
+        (["scans=room.npz", "scans=room.npz"], "scans: given more than once"),
+        (["room.npz"], "expected key=value"),
+        (["scans=room.npz", "weights=nobody.safetensors"], "nobody.safetensors"),
+        (["scans=room.npz", "weights=3d"], "3D"),
+        (["scans=room.npz", "max_range_m=0.01"], "room.npz"),
+        (["scans=broken.npz"], "broken.npz"),
+        (["scans=room.npz", "exports=[ros"], "exports: expected list[str] | None, got '[ros'"),
+        (["scans=room.npz", "device=gpu"], "device: expected cpu"),
+        (["scans=${HOME}.npz"], "${HOME}.npz"),
+        (["scans=???"], "???"),
+        (["scans=[/2020]/x"], "[/2020]/x"),
+        (["scans=reading.d"], "reading.d"),
+        (["scans=room.npz", "every=often"], "every: expected int"),
+        (["scans=room.yaml", "max_range_m=3"], "max_range_m: room.yaml is a map"),
+    ],
+)
+def test_what_is_wrong_is_said_and_leaves_nothing(words, said, room, tmp_path, monkeypatch, capsys):
+    npz_of(room, tmp_path / "room.npz")
+    (tmp_path / "broken.npz").write_bytes((tmp_path / "room.npz").read_bytes()[:300])
+    monkeypatch.chdir(tmp_path)
+    assert map_command.main([*words, "output=out"]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_can_not_be_written(room, tmp_path, capsys):
+    """A file in the place of the folder; permissions mean nothing to root."""
+    npz_of(room, tmp_path / "room.npz")
+    (tmp_path / "out").write_text("mine")
+    assert map_command.main([f"scans={tmp_path / 'room.npz'}", f"output={tmp_path / 'out'}"]) == 2
+    assert "out" in capsys.readouterr().err and (tmp_path / "out").read_text() == "mine"
+
+
+def test_a_full_disk_leaves_what_was_there(room, tmp_path, monkeypatch, capsys):
+    scans, out = npz_of(room, tmp_path / "room.npz"), tmp_path / "out"
+    out.mkdir()
+    (out / "map.npz").write_text("the map of yesterday")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("hilbertvae.mapping.write_picture", full)
+    assert map_command.main([f"scans={scans}", f"output={out}", "fill=off"]) == 2
+    assert "No space left on device" in capsys.readouterr().err
+    assert [path.name for path in out.iterdir()] == ["map.npz"] and (out / "map.npz").read_text() == "the map of yesterday"
+
+
+def test_what_does_not_fit_a_format_is_left_out_unless_it_was_asked_for(room, tmp_path, monkeypatch):
+    scans = npz_of(room, tmp_path / "room.npz")
+
+    def too_large(*_):
+        raise InputError("cells: expected a box of at most 10 cells")
+
+    monkeypatch.setitem(EXPORTS, "ros", replace(EXPORTS["ros"], write=too_large))
+    with pytest.warns(UserWarning, match="ros is left out: cells: expected a box"):
+        output = make_map(MapSettings(scans=str(scans), output=str(tmp_path / "out"), fill=False))
+    assert (output / "map.ot").exists() and not (output / "map.pgm").exists()
+    with pytest.raises(InputError, match="exports: ros: cells: expected a box"):
+        make_map(MapSettings(scans=str(scans), output=str(tmp_path / "out"), fill=False, exports=["ros"]))

@@ -1,0 +1,19 @@
+"""Maps to be saved."""
+
+import numpy as np
+
+from hilbertvae.mappers.weights import RankWeights
+from toy_rooms import tiny_reconstructor
+
+FEATURES = 13
+
+
+def network(dimension=2):
+    made = tiny_reconstructor(dimension)
+    rng = np.random.default_rng(0)
+    made.weights = {"voxels": RankWeights(rng.uniform(0.1, 1, 6), rng.uniform(-0.3, 0.3, FEATURES + 2), rng.uniform(0.1, 1, 6)).plain()}
+    return made
+
+
+def fit(mapper, cloud):
+    return mapper.fit(cloud.points, cloud.occupied, cloud.weight)

@@ -1,0 +1,86 @@
+"""What a Hilbert Map refuses, and in which words."""
+
+import numpy as np
+import pytest
+from hilbert_map_toys import fit, gapped, reconstructor
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+
+from hilbertvae.checks import InputError
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from toy_rooms import tiny_grid
+
+
+def test_weights_learned_by_another_version_are_named(room):
+    made = reconstructor()
+    made.weights["voxels"]["seen"].pop()
+    with pytest.raises(InputError, match="checkpoint: the Hilbert Map's weights were learned by another version"):
+        fit(HilbertMap(made), gapped(room))
+
+
+def test_an_extent_that_no_map_can_have_is_named(room):
+    outlier = np.vstack([room.fit.points, [[1e12, 1e12]]])
+    with pytest.raises(InputError, match=r"points: extent \[.*\] m is too large for voxels of 0.1 m"):
+        HilbertMap().fit(outlier, np.append(room.fit.occupied, True))
+
+
+def test_answers_before_a_fit():
+    with pytest.raises(NotFittedError):
+        HilbertMap().predict_proba([[0.0, 0.0]])
+    with pytest.raises(NotFittedError):
+        clone(HilbertMap()).predict([[0.0, 0.0]])
+
+
+def bad_clouds():
+    rng = np.random.default_rng(0)
+    points, occupied = rng.uniform(0, 3, (60, 2)), rng.random(60) < 0.5
+    broken = points.copy()
+    broken[7, 0] = np.nan
+    return [
+        ((points[:0], occupied[:0]), "0 sample"),
+        ((broken, occupied), "NaN"),
+        ((np.where(np.isnan(broken), np.inf, broken), occupied), "infinity"),
+        ((points.ravel(), occupied), "2D array"),
+        ((points, occupied[:-1]), "inconsistent"),
+        ((points, np.ones(60, bool)), "one class only"),
+        ((points, np.zeros(60, bool)), "one class only"),
+        ((points, np.arange(60) % 3), "binary"),
+        ((np.ones((60, 4)), occupied), "expected 2 or 3 coordinates, got 4"),
+        ((np.column_stack([points, points[:, 0]]), occupied), "the network is for 2D, got 3D"),
+        ((points, occupied, -np.ones(60)), "[Nn]egative"),
+        ((points, occupied, np.zeros(60)), "positive weights|non-zero"),
+    ]
+
+
+@pytest.mark.parametrize(("cloud", "message"), bad_clouds())
+def test_bad_clouds_are_named(cloud, message):
+    with pytest.raises(InputError, match=message):
+        HilbertMap(reconstructor()).fit(*cloud)
+
+
+@pytest.mark.parametrize(
+    ("queries", "message"),
+    [([[0.0, np.nan]], "queries: .*NaN"), ([[0.0, 1.0, 2.0]], "queries: .*features"), ([0.0, 1.0], "queries: .*2D array")],
+)
+def test_bad_queries_are_named(room, queries, message):
+    mapper = fit(HilbertMap(grid=tiny_grid()), gapped(room))
+    for ask in (mapper.predict_proba, mapper.observed):
+        with pytest.raises(InputError, match=message):
+            ask(queries)
+    assert mapper.predict_proba(np.empty((0, 2))).shape == (0, 2)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"weights": "best"}, "weights: expected unit, rank or cluster, got 'best'"),
+        ({"calibration": "pixels"}, "calibration: expected voxels or points, got 'pixels'"),
+        ({"neighbours": 3}, "neighbours: the weights were learned for 5, got 3"),
+        ({"neighbours": 0, "weights": "unit"}, "neighbours: expected a whole number of at least 1, got 0"),
+        ({"flips": 3}, "flips: expected 1, 2, 4 or 8, got 3"),
+        ({"flips": 0}, "flips: expected 1, 2, 4 or 8, got 0"),
+    ],
+)
+def test_bad_parameters_are_named(room, parameters, message):
+    with pytest.raises(InputError, match=message):
+        fit(HilbertMap(reconstructor(), **parameters), gapped(room))

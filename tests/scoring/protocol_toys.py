@@ -1,0 +1,29 @@
+"""A mapper that remembers what it was shown and asked."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.voxel_votes import voxel_index
+
+
+class Spy(Mapper):
+    """Keeps what it is fitted on and asked; answers like the nearest point of its own cloud, or 0.5 far from it."""
+
+    needs_both_classes = False
+
+    def __init__(self, seed=0):
+        self.seed = seed
+
+    def _fit(self, points, occupied, weight):
+        self.fits_ = [*getattr(self, "fits_", []), (points, occupied, weight, self.seed)]
+        self.tree_, self.occupied_ = cKDTree(points), occupied
+
+    def _probability(self, queries):
+        distance, index = self.tree_.query(queries)
+        self.asked_ = [*getattr(self, "asked_", []), queries]
+        return np.where(distance < 0.15, self.occupied_[index], 0.5)
+
+
+def voxels(points, resolution_m):
+    return {tuple(index) for index in voxel_index(points, resolution_m).tolist()}
