@@ -53,3 +53,13 @@ def test_another_seed_draws_other_landmarks():
 def test_bad_settings_are_refused(setting):
     with pytest.raises(InputError, match=f"{next(iter(setting))}: expected"):
         NystroemMapper(**setting).fit([[0.0, 0.0], [1.0, 0.0]], [False, True])
+
+
+def test_landmarks_that_are_left_out_for_their_distance_change_nothing():
+    rng = np.random.default_rng(5)
+    points, queries, weights = rng.uniform(0, 40, (2000, 2)), rng.uniform(-5, 45, (300, 2)), rng.normal(size=400)
+    features = NystroemFeatures(points, 400, 2.0, seed=0)
+    assert features._kernel(queries).nnz < 0.1 * 300 * 400
+    np.testing.assert_allclose(
+        features.weighted_sum(queries, weights), features.sampler.transform(queries - features.origin) @ weights, atol=1e-9
+    )
