@@ -37,7 +37,8 @@ class KissOdometry:
     """One scan after the other, in the order of travel; the map frame is that of the first.
 
     KISS-ICP guesses each motion from the one before, and the first from standing still: a sensor that moves 4 m from scan to scan is
-    then taken to stand, and so is one that left scans out. So a scan that fits the one before badly is tried from several places.
+    then taken to stand, and so is one that left scans out. So the first motion is tried from several places, since ground and straight
+    fronts fit well enough where nothing moved, and so is a scan that fits the one before badly.
     """
 
     def __init__(self):
@@ -98,7 +99,7 @@ class KissOdometry:
             if not np.isfinite(motion).all():
                 raise InputError("poses=kiss_icp: KISS-ICP found no pose; are these scans of one place, in the order of travel?")
             tried.append((self._fit(source, motion), motion))
-            if tried[-1][0] < GOOD_FIT:
+            if tried[-1][0] < GOOD_FIT and self.fits:  # none before the first motion foretells it
                 break
         fit, motion = min(tried, key=lambda each: each[0])
         self.fits.append(fit)
