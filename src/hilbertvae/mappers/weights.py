@@ -9,13 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, issparse
 from scipy.special import expit
 
 from hilbertvae.checks import InputError
 
 NAMES = ("unseen", "seen", "everywhere")
+MOST_STEPS, SMALLEST_PACE = 100, 1e-12
+NEAR_ZERO = 1e-9
+"""A weight that shall not be negative counts as 0 from here on."""
 
 
 @dataclass(frozen=True)
@@ -115,17 +117,40 @@ def fit_cluster_weights(values, holding, offset, rank_weights: np.ndarray, occup
 def logistic_weights(features, occupied, nonnegative, ridge: float = 1e-3, towards=None, offset=0.0) -> np.ndarray:
     """w (F,) that minimises the sum over queries of log(1 + exp(-y (offset + w . Phi))) + ridge |w - towards|^2.
 
-    Convex, with few features: L-BFGS reaches the optimum that SGD (Eq. 16) would wander around. Features may be sparse.
+    Convex, with few features, which say nearly the same: Newton's method reaches in ten steps the optimum that SGD (Eq. 16) would wander
+    around. Weights that shall not be negative are projected (Bertsekas 1982): one that its gradient presses against 0 is left out of
+    the system of equations, and takes a plain gradient step. Features may be sparse.
     """
     sign = np.where(occupied, 1.0, -1.0)
     count = features.shape[1]
     towards = np.zeros(count) if towards is None else towards
+    bounded = np.isin(np.arange(count), nonnegative)
 
     def loss(weights):
         margin = sign * (features @ weights + offset)
-        gradient = features.T @ (-sign * expit(-margin)) + 2 * ridge * (weights - towards)
-        return np.logaddexp(0, -margin).sum() + ridge * np.square(weights - towards).sum(), gradient
+        return np.logaddexp(0, -margin).sum() + ridge * np.square(weights - towards).sum(), margin
 
-    start = np.where(np.isin(np.arange(count), nonnegative), np.maximum(towards, 0.1), 0.0)
-    bounds = [(0, None) if i in set(nonnegative.tolist()) else (None, None) for i in range(count)]
-    return minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 500}).x
+    weights = np.where(bounded, np.maximum(towards, 0.1), 0.0)
+    value, margin = loss(weights)
+    for _ in range(MOST_STEPS):
+        wrong = expit(-margin)
+        gradient = features.T @ (-sign * wrong) + 2 * ridge * (weights - towards)
+        bent = features.T @ (features.multiply if issparse(features) else features.__mul__)((wrong * (1 - wrong))[:, None])
+        hessian = (bent.toarray() if issparse(bent) else bent) + 2 * ridge * np.eye(count)
+        pressed = bounded & (weights <= NEAR_ZERO) & (gradient > 0)
+        free = ~pressed
+        step = gradient / np.diag(hessian)
+        step[free] = np.linalg.solve(hessian[np.ix_(free, free)], gradient[free])
+        pace, before = 1.0, value
+        while pace > SMALLEST_PACE:
+            tried = np.where(bounded, np.maximum(weights - pace * step, 0.0), weights - pace * step)
+            value, margin = loss(tried)
+            if value <= before - 1e-4 * gradient @ (weights - tried):
+                break
+            pace /= 2
+        else:  # no step is small enough to help: the optimum, to rounding
+            return weights
+        moved, weights = np.abs(tried - weights).max(), tried
+        if moved <= 1e-10 * (1 + np.abs(weights).max()):
+            break
+    return weights
