@@ -23,7 +23,7 @@ run-3d: $(READY)  ## The same with simulated streets and a spinning lidar, in ou
 test: $(READY)  ## The whole suite, lint and the one-way flow of imports
 	$(BIN)/ruff check src tests benchmarks
 	$(BIN)/lint-imports
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal  # one thread in each worker: two torch processes with two each fight
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal --durations 30 --durations-min 5  # one thread in each worker: two torch processes with two each fight
 
 clean:
 	rm -rf outputs/run outputs/streets outputs/cache
