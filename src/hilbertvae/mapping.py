@@ -19,7 +19,7 @@ from hilbertvae.exports.formats import check_names, suiting_exports, write_expor
 from hilbertvae.exports.map_cells import REACH_M, MapCells
 from hilbertvae.exports.map_picture import write_picture
 from hilbertvae.exports.page import write_page
-from hilbertvae.exports.summary import map_summary, summary_tables
+from hilbertvae.exports.summary import map_summary, point_counts, summary_tables
 from hilbertvae.files import write_json
 from hilbertvae.mappers.given_map import GivenMap, is_given_map, read_given_map
 from hilbertvae.mappers.loading import load_mapper
@@ -90,19 +90,24 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     with _beside(output) as folder:
         clock.start("label points")
         cloud = source.cloud(fine_m) if isinstance(source, GivenMap) else fit_cloud(source, fine_m)
+        points = point_counts(cloud, source if isinstance(source, Scans) else None)
+        dimension = source.dimension
+        del source  # a long drive's returns are most of what is in memory
         clock.start("complete grids" if settings.fill else "gather evidence")
         mapper.fit(cloud.points, cloud.occupied, cloud.weight)
         clock.start("ask each cell")
-        reach_m = min(REACH_M, SIDE[source.dimension] * fine_m)
+        reach_m = min(REACH_M, SIDE[dimension] * fine_m)
         cells = MapCells.sample(mapper, cloud.points, fine_m, reach_m, clock.share).coarser(resolution_m)
+        del cloud
         if not len(cells):
             raise InputError(f"{settings.scans}: expected scans that show something, got none")
         clock.start("write")
         save_map(mapper, folder / MAP)
+        del mapper
         write_exports(exports, cells, folder, asked_for=settings.exports is not None)
         write_picture(cells, folder / PICTURE, name)
         clock.stop()
-        summary = map_summary(name, cloud, cells, source if isinstance(source, Scans) else None)
+        summary = map_summary(name, points, cells)
         summary |= {"weights": Path(weights).name, "fill": settings.fill, "adapt_steps": settings.adapt_steps, "seconds": clock.seconds}
         write_page(cells, folder / PAGE, name, summary_tables(summary))
         files = sorted(file.name for file in folder.iterdir())

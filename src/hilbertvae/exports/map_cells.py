@@ -86,7 +86,7 @@ class MapCells:
             parts.append((index[kept], probability[kept].astype(np.float32), std.astype(np.float32), observed[kept]))
             if progress:
                 progress(done, len(near.keys))
-        index, probability, std, observed = (np.concatenate(column) for column in zip(*parts, strict=True))
+        index, probability, std, observed = _joined(parts)
         return cls(index, float(resolution_m), probability, std, observed)
 
     def __len__(self) -> int:
@@ -150,6 +150,17 @@ class MapCells:
         filled = np.full(shape, fill, np.asarray(values).dtype)
         filled[tuple((self.index - low).T)] = values
         return filled
+
+
+def _joined(parts: list[tuple[np.ndarray, ...]]) -> list[np.ndarray]:
+    """The columns of `parts`, one after the other. Takes the parts out of their list, so that no cell is in memory twice for long."""
+    lengths = [len(part[0]) for part in parts]
+    columns = [np.empty((sum(lengths), *column.shape[1:]), column.dtype) for column in parts[0]]
+    for end in np.cumsum(lengths)[::-1]:
+        part = parts.pop()
+        for column, found in zip(columns, part, strict=True):
+            column[end - len(found) : end] = found
+    return columns
 
 
 def _at(block: np.ndarray | None, local: np.ndarray) -> np.ndarray:

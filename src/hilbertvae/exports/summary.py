@@ -11,22 +11,26 @@ from hilbertvae.scans.scan import Scans
 KINDS = ("occupied", "free", "unknown")
 
 
-def map_summary(name: str, cloud: Cloud, cells: MapCells, scans: Scans | None = None) -> dict:
-    """Plain values: extent in metres, points, and cells by what they are before and after.
+def point_counts(cloud: Cloud, scans: Scans | None = None) -> dict[str, int]:
+    """How many points were mapped, by what they are, and from how many returns and scans, if it was from scans."""
+    read = {"returns": len(scans), "scans": len(np.unique(scans.scan))} if scans is not None else {}
+    return {**read, "occupied": int(cloud.occupied.sum()), "free": int((~cloud.occupied).sum())}
+
+
+def map_summary(name: str, points: dict[str, int], cells: MapCells) -> dict:
+    """Plain values: extent in metres, `points` as they were counted, and cells by what they are before and after.
 
     unknown counts the cells of the smallest box that holds all known ones; `filled` those that were not observed.
     """
     low, shape = cells.box()
     whole = int(np.prod([float(length) for length in shape]))
     before, after = _counts(cells.select(cells.observed), whole), _counts(cells, whole)
-    points = {"occupied": int(cloud.occupied.sum()), "free": int((~cloud.occupied).sum())}
-    read = {"returns": len(scans), "scans": len(np.unique(scans.scan))} if scans is not None else {}
     return {
         "name": name,
         "dimension": cells.dimension,
         "resolution_m": cells.resolution_m,
         "extent_m": {"low": (low * cells.resolution_m).tolist(), "high": ((low + shape) * cells.resolution_m).tolist()},
-        "points": {**read, **points},
+        "points": points,
         "cells": {"before": before, "after": after, "filled": _counts(cells.select(~cells.observed), None)},
     }
 
