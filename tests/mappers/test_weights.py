@@ -2,6 +2,8 @@ import json
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.sparse import csr_matrix
 from sklearn.linear_model import LogisticRegression
@@ -41,6 +43,21 @@ def test_the_optimum_by_another_road(sparse):
     expected = minimize(loss, [2.0, 1.0, 1.0], method="Nelder-Mead", bounds=[(0, None), (None, None), (0, None)], tol=1e-10)
     found = logistic_weights(csr_matrix(x) if sparse else x, y, np.array([0, 2]), ridge, towards, offset)
     np.testing.assert_allclose(found, expected.x, atol=1e-3)
+
+
+@given(seed=st.integers(0, 10_000), likeness=st.floats(0, 0.999), scale=st.floats(0.01, 100))
+@settings(max_examples=30, deadline=None)
+def test_no_weight_could_move_for_the_better(seed, likeness, scale):
+    """The conditions of an optimum, by a sum over queries, where features say nearly the same and differ in size."""
+    rng = np.random.default_rng(seed)
+    x, y = problem(seed, features=5)
+    x = (likeness * x[:, :1] + (1 - likeness) * x) * np.array([1.0, scale, 1.0, 1.0, 1.0])
+    bounded = rng.random(5) < 0.6
+    found = logistic_weights(x, y, np.flatnonzero(bounded))
+    slope = sum(row * ((1 / (1 + np.exp(-row @ found))) - label) for row, label in zip(x, y, strict=True)) + 2e-3 * found
+    free = ~bounded | (found > 0)
+    assert (found[bounded] >= 0).all()
+    assert (np.abs(slope[free]) < 1e-5 * len(x)).all() and (slope[~free] > -1e-5 * len(x)).all()
 
 
 def test_weights_of_features_that_speak_against_stay_at_zero():

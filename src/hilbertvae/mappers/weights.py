@@ -121,7 +121,7 @@ def logistic_weights(features, occupied, nonnegative, ridge: float = 1e-3, towar
     around. Weights that shall not be negative are projected (Bertsekas 1982): one that its gradient presses against 0 is left out of
     the system of equations, and takes a plain gradient step. Features may be sparse.
     """
-    sign = np.where(occupied, 1.0, -1.0)
+    sign, features = np.where(occupied, 1.0, -1.0), features.astype(np.float64)
     count = features.shape[1]
     towards = np.zeros(count) if towards is None else towards
     bounded = np.isin(np.arange(count), nonnegative)
@@ -135,8 +135,9 @@ def logistic_weights(features, occupied, nonnegative, ridge: float = 1e-3, towar
     for _ in range(MOST_STEPS):
         wrong = expit(-margin)
         gradient = features.T @ (-sign * wrong) + 2 * ridge * (weights - towards)
-        bent = features.T @ (features.multiply if issparse(features) else features.__mul__)((wrong * (1 - wrong))[:, None])
-        hessian = (bent.toarray() if issparse(bent) else bent) + 2 * ridge * np.eye(count)
+        bend = (wrong * (1 - wrong))[:, None]
+        hessian = (features.T @ features.multiply(bend)).toarray() if issparse(features) else features.T @ (features * bend)
+        hessian += 2 * ridge * np.eye(count)
         pressed = bounded & (weights <= NEAR_ZERO) & (gradient > 0)
         free = ~pressed
         step = gradient / np.diag(hessian)
