@@ -40,7 +40,7 @@ def fast(tmp_path: Path, *overrides: str):
 def narrow(name: str) -> list[str]:
     """What is large is for a GPU; a CPU sees that it runs."""
     if "paper" in name:
-        return ["network.channels=[4,8,8]" if "32" in name else "network.channels=[4,8,8,8]"]
+        return ["network.channels=[4,8,8]"] if "32" in name else ["network.channels=[4,8,8,8]", "network.kernels=[3,3,3,3]"]
     return ["network.channels=[16,32]"] if "large" in name else []
 
 
