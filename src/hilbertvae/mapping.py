@@ -92,7 +92,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         cloud = source.cloud(fine_m) if isinstance(source, GivenMap) else fit_cloud(source, fine_m)
         points = point_counts(cloud, source if isinstance(source, Scans) else None)
         dimension = source.dimension
-        del source  # a long drive's returns are most of what is in memory
+        del source  # a long drive's returns take much of the memory
         clock.start("complete grids" if settings.fill else "gather evidence")
         mapper.fit(cloud.points, cloud.occupied, cloud.weight)
         clock.start("ask each cell")
