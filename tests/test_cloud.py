@@ -9,7 +9,7 @@ from hilbertvae import voxel_votes as votes_module
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import cloud_from_scans, fit_cloud, points_cloud, voxel_cloud
 from hilbertvae.scans.scan import Scans
-from hilbertvae.voxel_votes import voxel_index, voxel_votes
+from hilbertvae.voxel_votes import sorted_keys, voxel_index, voxel_votes
 
 
 def random_scans(seed, count, dimension, offset_m=0.0) -> Scans:
@@ -213,3 +213,11 @@ def test_bad_resolutions_and_too_large_extents_are_named():
         voxel_votes(scans, 0.1)
     with pytest.raises(InputError, match="expected at least one return"):
         voxel_votes(scans.select(np.zeros(2, bool)), 0.1)
+
+
+@given(st.lists(st.integers(0, 5) | st.integers(0, 2**62), min_size=1, max_size=50))
+def test_keys_are_sorted_as_argsort_does_however_large(keys):
+    keys = np.array(keys, np.int64)
+    order, found = sorted_keys(keys)
+    np.testing.assert_array_equal(order, np.argsort(keys, kind="stable"))
+    np.testing.assert_array_equal(found, np.sort(keys))

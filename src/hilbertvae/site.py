@@ -108,7 +108,8 @@ class Site:
         low = every.min(axis=0)
         shape = tuple(every.max(axis=0) - low + 1)
         seen = votes.index if votes else every[:0]
-        return np.isin(np.ravel_multi_index(tuple((every - low).T), shape), np.ravel_multi_index(tuple((seen - low).T), shape))
+        keys = [np.ravel_multi_index(tuple((index - low).T), shape) for index in (every, seen)]
+        return np.isin(*keys, assume_unique=True)
 
 
 SIMULATED = "simulated:"

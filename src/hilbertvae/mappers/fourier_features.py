@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from sklearn.kernel_approximation import RBFSampler
 
@@ -26,22 +28,34 @@ class FourierFeatures:
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """(Q, M) float32 features of `points (Q, D)`."""
-        away = np.clip(points - self.origin, -FAR_M, FAR_M).astype(np.float32)
         features = np.empty((len(points), self.count), np.float32)
-        rows = max(1, BLOCK // self.count)
-        for start in range(0, len(points), rows):
-            angle = features[start : start + rows]
-            angle[:] = self.phases
-            # Axis by axis instead of the sampler's matrix product, in whose last bits a row's place among the others shows.
-            for coordinate, wave in zip(away[start : start + rows].T, self.waves, strict=True):
-                angle += coordinate[:, None] * wave
-            np.cos(angle, out=angle)
-            angle *= np.float32(np.sqrt(2.0 / self.count))
+        for rows, values in self._blocks(points):
+            np.multiply(values, np.float32(np.sqrt(2.0 / self.count)), out=features[rows])
         return features
 
     def weighted_sum(self, points: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """(Q,) w . Phi(x) of `points (Q, D)` for `weights (M,)`."""
-        return (self(points) * weights).sum(axis=1)
+        sums = np.empty(len(points))
+        scaled = (weights * np.sqrt(2.0 / self.count)).astype(np.float32)
+        for rows, values in self._blocks(points):
+            values *= scaled
+            sums[rows] = values.sum(axis=1, dtype=np.float64)
+        return sums
+
+    def _blocks(self, points: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
+        """Some rows at a time, and cos(w . (x - origin) + b) (B, M) of their points; the next ones overwrite it."""
+        away = np.clip(points - self.origin, -FAR_M, FAR_M).astype(np.float32)
+        count = max(1, BLOCK // self.count)
+        block, product = np.empty((2, count, self.count), np.float32)
+        for start in range(0, len(points), count):
+            part = away[start : start + count]
+            angle = block[: len(part)]
+            angle[:] = self.phases
+            # Axis by axis instead of the sampler's matrix product, in whose last bits a row's place among the others shows.
+            for coordinate, wave in zip(part.T, self.waves, strict=True):
+                angle += np.multiply(coordinate[:, None], wave, out=product[: len(part)])
+            np.cos(angle, out=angle)
+            yield slice(start, start + len(part)), angle
 
 
 class FourierMapper(DenseFeatureMapper):

@@ -40,7 +40,7 @@ def learn_rank_weights(mapper: HilbertMap, site: Site, gap_diameter_m: float, se
             gather(reading, cloud, np.flatnonzero((part != RIM) & (held_out | (part != OUTSIDE))), seed)
     parts = {kept.tobytes(): (region, kept, seed) for seed in seeds for region, kept in occluded_parts(site.scans, seed).items()}
     for region, kept, seed in parts.values() if occlusion else ():
-        case = occlusion_case(site, region, kept)
+        case = site.remember((region, kept.tobytes()), lambda region=region, kept=kept: occlusion_case(site, region, kept))
         asked = case.asked["voxels"]
         if len(asked.points) and case.shown.occupied.any():
             _show(mapper, case.shown, seed)

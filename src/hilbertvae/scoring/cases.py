@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from hilbertvae.cloud import Cloud, fit_cloud
+from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import INSIDE, OUTSIDE, Gaps
 from hilbertvae.ground import ABOVE_GROUND_M
 from hilbertvae.scans.scan import Scans
@@ -63,8 +63,11 @@ def _questions(site: Site, cloud: Cloud, regions: dict[str, np.ndarray]) -> Ques
         for name in ("observed", "gaps"):
             above = site.ground.height_above(cloud.points[regions[name]]) > ABOVE_GROUND_M
             regions |= {f"{name}-above-ground": regions[name][above], f"{name}-near-ground": regions[name][~above]}
-    every = np.unique(np.concatenate(list(regions.values())))
-    return Questions(cloud.points[every], cloud.occupied[every], {name: np.searchsorted(every, chosen) for name, chosen in regions.items()})
+    asked = np.zeros(len(cloud.points), bool)
+    for chosen in regions.values():
+        asked[chosen] = True
+    place = np.cumsum(asked) - 1
+    return Questions(cloud.points[asked], cloud.occupied[asked], {name: place[chosen] for name, chosen in regions.items()})
 
 
 def occluded_parts(scans: Scans, seed: int) -> dict[str, np.ndarray]:
@@ -79,8 +82,10 @@ def occluded_parts(scans: Scans, seed: int) -> dict[str, np.ndarray]:
 
 def occlusion_case(site: Site, region: str, kept: np.ndarray) -> Case:
     """What only the scans that are not `kept` saw, by distance from the nearest point of the kept ones (voxels)."""
-    seen = fit_cloud(site.scans.select(kept), site.resolution_m)
-    hidden = np.flatnonzero(~np.isin(voxel_keys(site.voxels.points, site), voxel_keys(seen.points, site)))
+    part = Site(site.name, site.scans.select(kept), site.resolution_m)
+    seen, shown = part.whole, part.fit
+    every, known = voxel_keys(site.voxels.points, site), voxel_keys(part.voxels.points, site)
+    hidden = np.flatnonzero(~np.isin(every, known, assume_unique=True))
     distance, _ = cKDTree(seen.points).query(site.voxels.points[hidden], distance_upper_bound=OCCLUSION_RANGE_M[1], workers=-1)
     chosen = (distance >= OCCLUSION_BANDS_M[0][0]) & (distance < OCCLUSION_RANGE_M[1])
     hidden, distance = hidden[chosen], distance[chosen]
@@ -91,7 +96,6 @@ def occlusion_case(site: Site, region: str, kept: np.ndarray) -> Case:
     for low, high in (OCCLUSION_RANGE_M, *OCCLUSION_BANDS_M):
         row = region if (low, high) == OCCLUSION_RANGE_M else f"{region}-{low:g}-{high:g}"
         regions[row] = np.flatnonzero((distance >= low) & (distance < high))
-    shown = fit_cloud(site.scans.select(kept & ~site.scans.held_out()), site.resolution_m)
     return Case(shown, {"voxels": Questions(site.voxels.points[hidden], site.voxels.occupied[hidden], regions)})
 
 

@@ -15,8 +15,8 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.scoring.calibration import learn_rank_weights
-from hilbertvae.site import open_site
 from hilbertvae.training.kept_network import KeptNetwork
+from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.scoring import Writer, score
 from hilbertvae.training.settings import Settings
 
@@ -45,7 +45,7 @@ class HilbertMapCallback(L.Callback):
             return
         settings = self.settings
         reconstructor = self._best(trainer, module)
-        site = open_site(settings.data.validate, settings.resolution_m, settings.source())
+        site = opened_site(settings.data.validate, settings)
         learned = learn_rank_weights(
             HilbertMap(reconstructor, flips=settings.flips), site, settings.validation_gap_m, settings.calibration_seeds
         )

@@ -8,20 +8,18 @@ from dataclasses import replace
 from joblib import Parallel, delayed
 
 from hilbertvae.checks import InputError
-from hilbertvae.files import hash_of
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.protocol import evaluate_all
 from hilbertvae.scoring.result import Result
-from hilbertvae.site import Site, open_site
+from hilbertvae.site import Site
+from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.settings import Settings
 
 Writer = Callable[[Result, Site, dict[str, Mapper]], None]
 NOT_THERE = object()
-_opened: dict = {}
-"""The site that this process opened last."""
 TRAINED = "trained"
 """What a mapper's `reconstructor` is set to when it takes the network of the run; any other text is a checkpoint's path."""
 
@@ -38,7 +36,7 @@ def score(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconst
     given = give_networks(settings, mappers, reconstructor)
     _learn_weights_anew(settings, given)
     for reference in settings.data.test:
-        site = open_site(reference, settings.resolution_m, settings.source())
+        site = opened_site(reference, settings)
         if settings.scoring_processes > 1:
             result = _side_by_side(settings, given, reference)
         else:
@@ -61,7 +59,7 @@ def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
         if key not in learned:
             blank = replace(network, weights={})
             anew = HilbertMap(blank, neighbours=mapper.neighbours, inner_radius_m=mapper.inner_radius_m, flips=mapper.flips)
-            site = open_site(settings.data.validate, settings.resolution_m, settings.source())
+            site = opened_site(settings.data.validate, settings)
             weights = learn_rank_weights(anew, site, settings.validation_gap_m, settings.calibration_seeds)
             learned[key] = replace(network, weights=weights)
         mapper.set_params(reconstructor=learned[key])
@@ -80,10 +78,7 @@ def _side_by_side(settings: Settings, mappers: dict[str, Mapper], reference: str
 
 
 def _evaluate_one(settings: Settings, reference: str, name: str, mapper: Mapper) -> Result:
-    key = hash_of([settings.resolution_m, settings.source().made_of(reference)])
-    if _opened.get("key") != key:
-        _opened.update(key=key, site=open_site(reference, settings.resolution_m, settings.source()))
-    return evaluate_all({name: mapper}, _opened["site"], settings.evaluation, progress=print)
+    return evaluate_all({name: mapper}, opened_site(reference, settings), settings.evaluation, progress=print)
 
 
 def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconstructor | None) -> dict[str, Mapper]:
