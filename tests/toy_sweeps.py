@@ -11,6 +11,7 @@ from hilbertvae.scoring.result import Result
 
 READINGS = ("points", "voxels")
 REGIONS = ("observed", "fitted", "gaps")
+CEILING = {"points": {"precision": 0.97, "recall": 0.96}}
 SECONDS = {"fit": [1.0, 3.0], "query_per_million": [0.5, 0.5]}
 
 
@@ -28,7 +29,7 @@ def put(folder, job, mappers, case=None, seed=None, config=None, about=None, sit
     scores = {mapper: values if isinstance(values, dict) else scores_of(values) for mapper, values in mappers.items()}
     protocol = {"gap_seeds": [0, 1], "gap_ratio": 0.5, "cluster_size_m": 5.0, "centred": False, "occlusion": True} | (protocol or {})
     result = Result(
-        site, dimension, protocol["gap_ratio"] * protocol["cluster_size_m"], protocol["gap_seeds"], {},
+        site, dimension, protocol["gap_ratio"] * protocol["cluster_size_m"], protocol["gap_seeds"], CEILING,
         **{"scores": scores, "seconds": dict.fromkeys(mappers, SECONDS), "protocol": protocol} | parts,
     )  # fmt: skip
     settings = {

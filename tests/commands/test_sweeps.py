@@ -67,6 +67,10 @@ class TestEveryYaml:
         assert settings.name == f"{sweep}-{size}" and settings.size == size
         assert settings.trained == "outputs/trained"
 
+    def test_the_full_figure_of_latent_dimensions_has_the_paper_s(self):
+        latents = {settings_of("sweep=fig6", "size=full", *overrides).network.latent for overrides in jobs_of("fig6", "full")}
+        assert {25, 100} <= latents and max(latents) > 100
+
     def test_all_quick_sweeps_together_train_at_most_thirty_networks(self):
         names = set()
         for sweep in NAMES:
@@ -78,11 +82,11 @@ class TestEveryYaml:
         assert 20 <= len(names) <= 30
 
 
-def jobs_of(sweep: str) -> list[list[str]]:
-    """The overrides of each job of a sweep in its quick size, from its own parameters."""
+def jobs_of(sweep: str, size: str = "quick") -> list[list[str]]:
+    """The overrides of each job of a sweep, from its own parameters."""
     with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = compose("config", overrides=[f"sweep={sweep}"], return_hydra_config=True)
-    parameters = {key: str(value).replace("${size}", "quick").split(",") for key, value in config.hydra.sweeper.params.items()}
+        config = compose("config", overrides=[f"sweep={sweep}", f"size={size}"], return_hydra_config=True)
+    parameters = {key: str(value).replace("${size}", size).split(",") for key, value in config.hydra.sweeper.params.items()}
     return [[f"{key}={value}" for key, value in zip(parameters, chosen, strict=True)] for chosen in product(*parameters.values())]
 
 
@@ -136,7 +140,8 @@ class TestASweepSurvives:
         done = multirun(tmp_path, *chosen)
         assert done.returncode == 0, done.stderr
         assert (folder / "default-seed0/result.json").read_bytes() == whole
-        assert "default-seed0: finished before" in done.stdout and "3 of 3 jobs have results" in done.stdout
+        assert "finished dropout-0.2-seed0 in " in done.stdout and "default-seed0: finished before" in done.stdout
+        assert "3 of 3 jobs have results" in done.stdout
         assert "weights-unit-seed0: its network was trained before" in done.stdout
 
         again = multirun(tmp_path, *chosen)
@@ -168,8 +173,10 @@ def test_launchers_run_the_jobs(launcher, tmp_path):
 
 
 def test_two_processes_train_one_network(tmp_path):
-    """In each job of a sweep; the second process takes part in its own job alone, else it would wait in the next one for ever."""
-    done = multirun(tmp_path, "cases/ablation=default,unmasked,weights-unit", "trainer=ddp", "trainer.accelerator=cpu")
+    """In each job of a sweep, also in a launcher's worker; the second process takes part in its own job alone, else it would wait in the
+    next one for ever."""
+    jobs = ["launcher=joblib", "hydra.launcher.n_jobs=1", "cases/ablation=default,unmasked,weights-unit"]
+    done = multirun(tmp_path, *jobs, "trainer=ddp", "trainer.accelerator=cpu")
     assert done.returncode == 0, done.stderr
     for case in ("default", "unmasked"):
         folder = tmp_path / f"outputs/debug/ablation-quick/{case}-seed0"

@@ -13,6 +13,7 @@ from toy_rooms import carmen_line, write_log
 pytest.importorskip("embreex")
 pytest.importorskip("shapely")
 
+import hilbertvae.training.train as train_module  # noqa: E402
 from hilbertvae.checks import InputError  # noqa: E402
 from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
 from hilbertvae.mappers.nearest import NearestMapper  # noqa: E402
@@ -139,6 +140,20 @@ def test_a_folder_with_a_run_of_other_settings_is_left_alone(finished):
     with pytest.raises(InputError, match="output: .* holds a run with other settings"):
         train(replace(settings, seed=9))
     assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("change", ["settings", "code"])
+def test_a_job_whose_network_is_kept_trains_anew_what_another_left(change, tmp_path, monkeypatch):
+    settings = tiny_settings(tmp_path / "job", tmp_path / "cache", trainer=TRAINER, trained=str(tmp_path / "trained"))
+    train(settings)
+    steps = count_steps(monkeypatch)
+    if change == "settings":
+        settings = replace(settings, seed=9)
+    else:
+        monkeypatch.setattr(train_module, "code_hash", lambda parts: "other code")
+    train(settings)
+    assert steps == list(range(TRAINER.epochs * TRAINER.steps_per_epoch))
+    assert len(list((tmp_path / "trained").glob("*.safetensors"))) == 2
 
 
 def test_a_nan_loss_fails_the_run(finished, tmp_path):

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import os
+import tempfile
+from pathlib import Path
 
 import torch
+from filelock import FileLock, Timeout
+
+_held: list[FileLock] = []
+"""Locks on the GPUs of this process, which end with it."""
 
 
-def give_gpus(job: int, wanted: int) -> None:
-    """Let this process see `wanted` of the machine's GPUs, others than the jobs before and after it; with as many or fewer, all.
+def give_gpus(wanted: int) -> None:
+    """Let this process see `wanted` of the machine's GPUs that no other process was given; where too few are left, some that others use.
 
     For launchers that don't deal themselves: SLURM and Ray do. To be called before anything is put on a GPU; a process that is reused
     for another job keeps what it was given, since CUDA looks only once.
@@ -19,6 +25,22 @@ def give_gpus(job: int, wanted: int) -> None:
     every = seen.split(",") if seen else [str(number) for number in range(torch.cuda.device_count())]
     if len(every) <= wanted:
         return
-    given = [every[(job * wanted + k) % len(every)] for k in range(wanted)]
+    free = [name for name in every if len(_held) < wanted and _take(name)]
+    shared = [name for name in every if name not in free]
+    turn = os.getpid() % max(len(shared), 1)
+    given = [*free, *shared[turn:], *shared[:turn]][:wanted]
     os.environ["CUDA_VISIBLE_DEVICES"] = ",".join(given)
     os.environ["HILBERTVAE_GPUS_GIVEN"] = "1"
+
+
+def _take(name: str) -> bool:
+    """Whether a GPU was free, and is this process's from now on."""
+    folder = Path(tempfile.gettempdir()) / f"hilbertvae-gpus-{getattr(os, 'getuid', int)()}"
+    folder.mkdir(exist_ok=True)
+    lock = FileLock(folder / f"{name}.lock")
+    try:
+        lock.acquire(blocking=False)
+    except Timeout:
+        return False
+    _held.append(lock)
+    return True

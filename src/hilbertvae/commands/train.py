@@ -7,6 +7,7 @@ import json
 import os
 import sys
 from dataclasses import asdict, fields, is_dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import hydra
@@ -114,8 +115,11 @@ def _application(config: DictConfig) -> None:
     try:
         settings = to_settings(config)
         settings.output = output
-        if many and "joblib" in job.launcher._target_:
-            give_gpus(job.job.num, settings.trainer.devices)
+        if many and ("joblib" in job.launcher._target_ or "LocalLauncher" in job.launcher._target_):
+            give_gpus(settings.trainer.devices)
+        if many and settings.trainer.devices > 1:
+            # By this name Lightning starts the other processes; in a launcher's worker `__main__` is the launcher.
+            sys.modules["__main__"].__spec__ = find_spec("hilbertvae.train")
         code = (run_clustering if settings.task == "clustering" else run)(settings, again=not many)
     except KeyboardInterrupt as error:
         if many:

@@ -43,6 +43,7 @@ def _facts(run: Run, same: tuple[str, ...]) -> Iterator[tuple[str, object]]:
     yield f"packages.{OWN}", run.about["packages"][OWN]
     yield "dimension", result.dimension
     yield "resolution_m", run.config("resolution_m")
+    yield "size", run.config("size")
     if run.name == run.job:
         yield SITE, result.site
     for key, value in result.protocol.items():

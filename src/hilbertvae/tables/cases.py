@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Hashable
 
-from hilbertvae.tables.measure import COUNTS, NOTE, Group, N, absent_row, counts_of, note_of
+from hilbertvae.tables.measure import COUNTS, NOTE, Group, N, absent_row, counts_of, network_of, note_of
 from hilbertvae.tables.page import Column, Row, Table, hidden, text
 from hilbertvae.tables.sweep import Run, Sweep, grouped
 
@@ -31,7 +31,7 @@ def case_rows(
         first = next(iter(group.values()))
         failures = [note for run in group.values() for note in run.failures()]
         row = {"site": site, "case": first.case, **counts_of(group), **row_of(group)}
-        rows.append(row | {"note": note_of(group, row.get("note"), *sweep.gone(first.case), *failures)})
+        rows.append(row | {"note": note_of(group, row.get("note"), network_of(first), *sweep.gone(first.case), *failures)})
     if site == sweep.by_site()[0][0]:
         rows += [absent_row(status, columns, site=site, case=case, note="see below") for case, status in sweep.absent().items()]
     return rows

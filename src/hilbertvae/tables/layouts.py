@@ -14,6 +14,7 @@ from hilbertvae.tables.clustering import read_starts
 from hilbertvae.tables.gap_size import gap_size_page
 from hilbertvae.tables.generalise import generalise_page
 from hilbertvae.tables.latent import latent_page
+from hilbertvae.tables.measure import ceiling_note
 from hilbertvae.tables.methods import methods_page
 from hilbertvae.tables.page import Page
 from hilbertvae.tables.recipes import recipes_page
@@ -33,7 +34,9 @@ class Layout:
     def read(self, folder: Path, kind: str) -> Page:
         sweep = read_sweep(folder, kind)
         check_alike(sweep, self.varies, self.same)
-        return finished(self.page(sweep), kind, sweep.size, sweep.troubles(), origin_notes(sweep.scored))
+        page = self.page(sweep)
+        page = replace(page, notes=[*page.notes, *ceiling_note(sweep.scored)])
+        return finished(page, kind, sweep.size, sweep.troubles(), origin_notes(sweep.scored))
 
 
 class StartsLayout:

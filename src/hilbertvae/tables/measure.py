@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from hilbertvae.reports.score_table import NOTHING
+from hilbertvae.reports.score_table import NOTHING, as_percent
 from hilbertvae.tables.alike import is_unclean
 from hilbertvae.tables.page import Column, Row, hidden, measured, megabytes, number, text
 from hilbertvae.tables.spread import Paired, Spread, over_seeds
@@ -33,7 +33,10 @@ LEGEND = (
     "training seeds, the sd over training seeds where there are several, else over gap seeds. Precision, recall and F1 at p > 0.6, best F1 "
     "at the best cut, AUC at all cuts."
 )
-COST_LEGEND = "MB: 1e6 bytes. Training and its grids are of the run's network, so that mappers without one have none."
+COST_LEGEND = (
+    "MB: 1e6 bytes. Training and its grids are of the run's network, so that mappers without one have none. Grids that another run had "
+    "built before are loaded, in a second or two; of a training that was interrupted, only what came after is counted."
+)
 
 
 def score_of(group: Group, mapper: str | None, reading: str, region: str, metric: str) -> Spread | None:
@@ -93,6 +96,16 @@ def absent_row(status: str, columns: list[Column], **named) -> Row:
     """A row of which nothing is known but that it is `missing` or `failed`, which its first measured column says."""
     first = next(column for column in columns if column.measured)
     return {first.keys[0]: status, "status": status, "training_seeds": 0, "gap_seeds": 0, "n": NOTHING, **named}
+
+
+def ceiling_note(runs: Sequence[Run]) -> list[str]:
+    """The best that a vote at each site's own cell size does on held-out beams."""
+    found = {run.result.site: run.result.ceiling for run in runs if run.result.ceiling}
+    parts = []
+    for site, ceiling in found.items():
+        pairs = (f"{reading} {as_percent(best['precision'])} / {as_percent(best['recall'])}" for reading, best in ceiling.items())
+        parts.append(f"{site}, {', '.join(pairs)}")
+    return [f"Ceiling, the best vote at the map's cell size on held-out beams, P / R (%): {'; '.join(parts)}."] if parts else []
 
 
 def network_of(run: Run) -> str:

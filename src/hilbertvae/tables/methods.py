@@ -35,10 +35,11 @@ NAMED = [text("method", "method"), hidden("site"), hidden("mapper")]
 SCORES = [
     value("observed P / R, paper (%)", "paper_observed_precision", "paper_observed_recall", show=printed_percent),
     measured("fitted P / R (%)", "fitted_precision", "fitted_recall"),
+    measured("difference, fitted (points)", "difference_fitted_precision", "difference_fitted_recall", show=signed_points),
     measured("held-out P / R (%)", "observed_precision", "observed_recall"),
     value("gaps P / R, paper (%)", "paper_gaps_precision", "paper_gaps_recall", show=printed_percent),
     measured("gaps P / R (%)", "gaps_precision", "gaps_recall"),
-    measured("difference in gaps P / R (points)", "difference_precision", "difference_recall", show=signed_points),
+    measured("difference, gaps (points)", "difference_precision", "difference_recall", show=signed_points),
 ]
 MORE = [
     measured("gaps, points: F1 (%)", "gaps_f1"),
@@ -46,6 +47,12 @@ MORE = [
     measured("gaps, voxels: best F1 (%)", "gaps_voxels_best_f1"),
     measured("AUC (%)", "gaps_voxels_auc"),
 ]
+OTHERWISE = {
+    "octomap": "fed labelled points, not rays, which would cross gaps",
+    "gpom": "local: a query asks the points about it, thinned; the paper does not say how it made a whole site tractable",
+    "lard-hm": "a feature for each cluster, of the size of CVAE-HM's; the paper does not give its settings",
+}
+"""What is known to differ from the paper's for rows without a network; docs/decisions.md has what it does."""
 WHERE_SCORED = {
     "gaps-above-ground_best_f1": ("voxels", "gaps-above-ground", "best_f1", "gaps above ground, voxels: best F1 (%)"),
     "gaps-above-ground_auc": ("voxels", "gaps-above-ground", "auc", "AUC (%)"),
@@ -91,7 +98,7 @@ def method_rows(sweep: Sweep, runs: list[Run], site: str, dimension: int) -> lis
         name = mapper if cases.count(mapper) == 1 else f"{mapper} ({case})"
         row = {"site": site, "method": name, "mapper": mapper, **counts_of(group), **costs_of(group, mapper)}
         row |= {key: score_of(group, mapper, *what) for key, what in SCORED.items()}
-        reasons = _reasons(mapper, next(iter(group.values())), dimension)
+        reasons = [*_reasons(mapper, next(iter(group.values())), dimension), *_silence(row)]
         rows.append(row | {"note": note_of(group, *reasons, *sweep.gone(case), *failed.pop(mapper, []))})
     absent = {mapper: ("failed", "; ".join(notes)) for mapper, notes in failed.items()}
     if site == sweep.by_site()[0][0]:
@@ -137,18 +144,24 @@ def _beside_paper(row: Row, dimension: int) -> Row:
     for place, metric in enumerate(("precision", "recall")):
         found[f"paper_observed_{metric}"] = round(paper.observed[place] / 100, 6)
         found[f"paper_gaps_{metric}"] = printed = round(paper.gaps[place] / 100, 6)
-        ours = row.get(f"gaps_{metric}")
-        if isinstance(ours, Spread):
-            found[f"difference_{metric}"] = Spread(ours.mean - printed, ours.sd, ours.n)
+        for name, region, theirs in (("difference", "gaps", printed), ("difference_fitted", "fitted", found[f"paper_observed_{metric}"])):
+            ours = row.get(f"{region}_{metric}")
+            if isinstance(ours, Spread):
+                found[f"{name}_{metric}"] = Spread(ours.mean - theirs, ours.sd, ours.n)
     return found
+
+
+def _silence(row: Row) -> list[str]:
+    """What stands behind a precision of 0 where nothing is called occupied."""
+    precision, recall = (row.get(f"gaps_{metric}") for metric in ("precision", "recall"))
+    silent = isinstance(precision, Spread) and isinstance(recall, Spread) and precision.mean == recall.mean == 0
+    return ["calls nothing in a gap occupied, so that its precision there is none"] if silent else []
 
 
 def _reasons(mapper: str, run: Run, dimension: int) -> list[str]:
     """Why a row can differ from the paper's, as far as the run's own settings tell."""
-    if mapper == "octomap":
-        return ["fed labelled points, so that it knows nothing in gaps"] if dimension == 3 else []
     if not is_network(mapper):
-        return []
+        return [OTHERWISE[mapper]] if mapper in OTHERWISE else []
     if not mapper.endswith("-paper"):
         calibrated = "points" if mapper.endswith("-points") else "voxels"
         return [f"{network_of(run)}; calibrated for {calibrated}"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import combinations
 
 from hilbertvae.reports.paper_table import PAPER, PaperRow
 from hilbertvae.reports.score_table import NOTHING
@@ -30,19 +30,19 @@ def gaps_f1(row: PaperRow) -> float:
 
 
 def order_table(runs: list[Run], site: str, dimension: int) -> Table:
-    """Neighbours in the paper's order by F1 in gaps: networks as in the paper, and then ours. Differences are per gap seed."""
+    """Every two of the paper's methods, in its order by F1 in gaps: networks as in the paper, then ours. Differences are per gap seed."""
     ranked = sorted(PAPER[dimension], key=gaps_f1, reverse=True)
     groups: dict[str, Group] = {}
     for (mapper, case), group in mapper_groups(runs).items():
         if mapper not in groups or case == mapper:  # where several cases scored it, one is named after it
             groups[mapper] = group
     rows = []
-    for better, worse in pairwise(ranked):
+    for better, worse in combinations(ranked, 2):
         for recipe in (0, 1):
             names = [row.ours[min(recipe, len(row.ours) - 1)] for row in (better, worse)]
             if recipe == 0 or any(is_network(name) for name in names):
                 rows.append(_row(better, worse, names, groups) | {"site": site})
-    caption = "The order of the methods, by F1 in gaps on points, against the paper's: neighbours there, line by line."
+    caption = "The order of the methods, by F1 in gaps on points, against the paper's, two by two."
     return Table("table-order", rows, COLUMNS, caption)
 
 
@@ -59,5 +59,5 @@ def _row(better: PaperRow, worse: PaperRow, names: list[str], groups: dict[str, 
         "worse_f1": over_seeds(list(theirs.values())),
         "difference": difference,
         "better_in": share_of(found, lambda value: value > 0) if found else NOTHING,
-        "agrees": NOTHING if difference is None else "yes" if difference.mean > 0 else "no",
+        "agrees": NOTHING if difference is None else "yes" if difference.mean > 0 else "no" if difference.mean else "tie",
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import shutil
 import warnings
 from dataclasses import asdict
 from pathlib import Path
@@ -13,6 +14,7 @@ import lightning as L
 import torch
 from lightning.pytorch.callbacks import EarlyStopping, LearningRateMonitor, ModelCheckpoint, TQDMProgressBar
 from lightning.pytorch.loggers import TensorBoardLogger
+from lightning.pytorch.plugins.environments import LightningEnvironment
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 
 import hilbertvae
@@ -121,7 +123,7 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
             precision=_precision(settings),
             max_epochs=settings.trainer.epochs,
             gradient_clip_val=settings.trainer.gradient_clip,
-            plugins=[AtomicCheckpoints()],
+            plugins=[AtomicCheckpoints(), LightningEnvironment()],  # a SLURM job is one task, which starts its other processes itself
             logger=TensorBoardLogger(output, name="", version="tensorboard", default_hp_metric=False),
             callbacks=callbacks,
             log_every_n_steps=min(10, settings.trainer.steps_per_epoch),
@@ -154,13 +156,22 @@ def _precision(settings: Settings) -> str:
 
 
 def _last_epoch(output: Path, settings: Settings) -> Path | None:
-    """The checkpoint to go on from; an `InputError` if the folder holds a run with other settings."""
-    mark, last = output / "training.json", output / "checkpoints" / "last.ckpt"
-    made_of = {"training_hash": training_hash(settings)}
+    """The checkpoint to go on from; an `InputError` if the folder holds a run with other settings.
+
+    A job whose network is kept is made anew instead, also after a change of the code: what it left is filed under the hash of both, and
+    whoever changes a sweep's settings asks for other networks. A single run goes on over a change of the code, as a long one may have to.
+    """
+    mark, checkpoints = output / "training.json", output / "checkpoints"
+    last = checkpoints / "last.ckpt"
+    made_of = {"training_hash": training_hash(settings)} | ({"kept_name": kept_name(settings)} if settings.trained else {})
     if last.exists():
         found = json.loads(mark.read_text()) if mark.exists() else {}
-        if found.get("training_hash") != made_of["training_hash"]:
+        if all(found.get(key) == value for key, value in made_of.items()):
+            return last
+        if not settings.trained:
             raise InputError(f"output: {output} holds a run with other settings; choose another `name`, or remove the folder")
-        return last
+        print(f"{output}: was trained with other settings, or by other code; trained anew")
+        for left in (checkpoints, output / "tensorboard"):
+            shutil.rmtree(left, ignore_errors=True)
     write_json(mark, made_of)
     return None
