@@ -40,3 +40,8 @@ def check_count(value: int, name: str, most: int | None = None) -> int:
         wanted = "of at least 1" if most is None else f"from 1 to {most}"
         raise InputError(f"{name}: expected a whole number {wanted}, got {value!r}")
     return int(value)
+
+
+def how_to_install(extra: str) -> str:
+    """What to type where an extra of the package is not installed."""
+    return f"pip install 'hilbertvae[{extra}]', in a checkout '.[{extra}]'"

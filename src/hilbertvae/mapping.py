@@ -6,16 +6,18 @@ import json
 import os
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import fit_cloud
-from hilbertvae.exports.formats import check_names, suiting_exports, write_exports
+from hilbertvae.exports.formats import EXPORTS, check_names, suiting_exports, write_exports
 from hilbertvae.exports.map_cells import REACH_M, MapCells
 from hilbertvae.exports.map_picture import write_picture
 from hilbertvae.exports.page import write_page
@@ -30,6 +32,8 @@ from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_blocks import SIDE
 
 Say = Callable[[str], None]
+FLAT_M = 1e-3
+"""Points of a planar laser in a format of three coordinates differ in height by rounding alone."""
 MAP, PICTURE, PAGE, SUMMARY = "map.safetensors", "map.png", "summary.html", "summary.json"
 
 
@@ -78,6 +82,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     clock.start("read")
     source = _read(settings)
     exports = suiting_exports(settings.exports, source.dimension)
+    _check_output(output, Path(settings.scans), exports)
     weights = settings.weights or f"{source.dimension}d"
     mapper = (mapper or load_mapper(weights)).set_params(fill=settings.fill, device=settings.device, adapt_steps=settings.adapt_steps)
     if mapper.reconstructor.dimension != source.dimension:
@@ -121,12 +126,24 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
 
 
 def _listed(output: Path) -> set[str]:
-    """The files of the map that is in a folder, by its summary."""
+    """The files of the map that is in a folder, by its summary, which may be another tool's."""
+    ours = {MAP, PICTURE, PAGE, *(name for kind in EXPORTS.values() for name in kind.files)}
     try:
-        files = json.loads((output / SUMMARY).read_text(encoding="utf-8"))["files"]
-        return {file for file in files if Path(file).name == file}
+        return ours & set(json.loads((output / SUMMARY).read_text(encoding="utf-8"))["files"])
     except (OSError, ValueError, KeyError, TypeError):
         return set()
+
+
+def _check_output(output: Path, scans: Path, exports: list[str]) -> None:
+    """An `InputError` where writing would replace what is no earlier map of this command, or the very scans."""
+    written = {MAP, PICTURE, PAGE, SUMMARY, *(name for kind in exports for name in EXPORTS[kind].files)}
+    there = {name for name in written if (output / name).exists()}
+    read = {name for name in there if scans.parent.resolve() == output.resolve() and Path(name).stem == scans.stem}
+    earlier = _listed(output)
+    for name in sorted(read):
+        raise InputError(f"output: {output / name} is what is read, and would be replaced; choose another folder")
+    for name in sorted(there - earlier - ({SUMMARY} if earlier else set())):
+        raise InputError(f"output: {output / name} was not left by an earlier map, and would be replaced; choose another folder")
 
 
 def check_device(device: str) -> None:
@@ -139,16 +156,18 @@ def check_device(device: str) -> None:
 
 @contextmanager
 def _beside(output: Path) -> Iterator[Path]:
-    """A temporary folder in `output`, which is made if need be, and then taken away again after a failure."""
-    made = not output.exists()
+    """A temporary folder in `output`; that and its parents are made if need be, and then taken away again after a failure."""
+    made = [folder for folder in (output, *output.parents) if not folder.exists()]
     output.mkdir(parents=True, exist_ok=True)
     try:
         with tempfile.TemporaryDirectory(prefix=".writing-", dir=output) as folder:
             yield Path(folder)
-    except BaseException:
-        if made:
-            with suppress(OSError):
-                output.rmdir()
+    except BaseException as error:
+        with suppress(OSError):
+            for folder in made:
+                folder.rmdir()
+        if isinstance(error, OSError) and error.errno and error.filename is None:  # a full disk says nothing but that
+            raise OSError(error.errno, error.strerror, str(output)) from error
         raise
 
 
@@ -161,6 +180,9 @@ def _read(settings: MapSettings) -> Scans | GivenMap:
     scans = read_scans_path(settings.scans, settings.reading())
     if not len(scans):
         raise InputError(f"{settings.scans}: expected returns, found none; are all ranges beyond max_range_m, or no returns?")
+    if scans.dimension == 3 and max(np.ptp(scans.points[:, 2]), np.ptp(scans.origins[:, 2])) < FLAT_M:
+        warnings.warn(f"{settings.scans}: all beams run at one height, so that the map is of two dimensions", stacklevel=3)
+        return Scans(scans.points[:, :2], scans.origins[:, :2], scans.scan, scans.beam)
     return scans
 
 

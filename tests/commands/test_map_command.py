@@ -187,13 +187,26 @@ def test_a_bag_is_mapped(kind, tmp_path, monkeypatch):
 
     bag = tmp_path / ("drive.bag" if kind == "ros1" else "drive")
     write_scene(bag, kind, clouds=0)
-    output = make_map(MapSettings(scans=str(bag), output=str(tmp_path / "out"), fill=False, exports=["npz", "ros"]))
+    output = make_map(MapSettings(scans=str(bag), output=str(tmp_path / "out"), fill=False, exports=["npz", "ros", "bt"]))
     cells = read_grid(output / "map.npz")
+    pixels, header = np.asarray(Image.open(output / "map.pgm")), yaml.safe_load((output / "map.yaml").read_text())
+    rows, columns = np.nonzero(pixels < 255 * (1 - header["occupied_thresh"]))
+    places = np.stack([columns, pixels.shape[0] - 1 - rows], axis=1) + np.rint(np.array(header["origin"][:2]) / header["resolution"])
+    assert set(map(tuple, places.astype(int).tolist())) == set(map(tuple, cells.index[cells.occupied].tolist()))
     hits = np.unique(np.floor(read_scans_path(bag).points / 0.1).astype(int), axis=0)
     occupied = cells.index[cells.occupied]
     away = np.abs(occupied[:, None] - hits[None]).max(axis=2)
     assert away.min(axis=1).max() <= 1  # a beam's end may lie on the side of the next cell
     assert np.mean(away.min(axis=0) == 0) > 0.9
+
+
+def test_planar_scans_in_a_cloud_are_mapped_in_2d(room, tmp_path):
+    points, origins = (np.column_stack([part, np.full(len(part), 0.3)]) for part in (room.scans.points, room.scans.origins))
+    np.savez(tmp_path / "room.npz", points=points, origins=origins, scan=room.scans.scan)
+    with pytest.warns(UserWarning, match="room.npz: all beams run at one height"):
+        output = make_map(MapSettings(scans=str(tmp_path / "room.npz"), output=str(tmp_path / "out"), fill=False))
+    flat = make_map(MapSettings(scans=str(npz_of(room, tmp_path / "flat.npz")), output=str(tmp_path / "flat"), fill=False))
+    assert (output / "map.pgm").read_bytes() == (flat / "map.pgm").read_bytes()
 
 
 def test_a_laz_is_mapped(box, tmp_path):

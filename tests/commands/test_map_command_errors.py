@@ -1,5 +1,9 @@
 """What `hilbertvae-map` refuses, and that it leaves nothing behind."""
 
+import resource
+import signal
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -71,17 +75,65 @@ def test_a_folder_that_can_not_be_written(room, tmp_path, capsys):
 
 
 def test_a_full_disk_leaves_what_was_there(room, tmp_path, monkeypatch, capsys):
-    scans, out = npz_of(room, tmp_path / "room.npz"), tmp_path / "out"
-    out.mkdir()
-    (out / "map.npz").write_text("the map of yesterday")
+    settings = MapSettings(scans=str(npz_of(room, tmp_path / "room.npz")), output=str(tmp_path / "out"), fill=False, exports=["npz"])
+    out = make_map(settings)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
 
     def full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("hilbertvae.mapping.write_picture", full)
+    assert map_command.main([f"scans={settings.scans}", f"output={out}", "fill=off", "exports=[npz]", "resolution_m=0.2"]) == 2
+    said = capsys.readouterr().err
+    assert "No space left on device" in said and "out" in said
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_a_disk_that_fills_up_while_the_map_is_saved(room, tmp_path):
+    """Files of more than 20 kB can't be written, as by a quota: one line, and not even the folders above are left."""
+    scans = npz_of(room, tmp_path / "room.npz")
+
+    def small_files():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+    command = [sys.executable, "-m", "hilbertvae.commands.map", f"scans={scans}", "output=maps/out", "fill=off"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, preexec_fn=small_files)
+    assert done.returncode == 2 and "Traceback" not in done.stderr, done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["room.npz"]
+
+
+def test_nothing_that_is_not_an_earlier_map_is_replaced_or_taken_away(room, tmp_path, capsys):
+    scans, out = npz_of(room, tmp_path / "room.npz"), tmp_path / "out"
+    out.mkdir()
+    (out / "map.npz").write_text("mine")
     assert map_command.main([f"scans={scans}", f"output={out}", "fill=off"]) == 2
-    assert "No space left on device" in capsys.readouterr().err
-    assert [path.name for path in out.iterdir()] == ["map.npz"] and (out / "map.npz").read_text() == "the map of yesterday"
+    assert "map.npz was not left by an earlier map" in capsys.readouterr().err
+    (out / "map.npz").unlink()
+    (out / "data.csv").write_text("mine")
+    (out / "summary.json").write_text('{"files": ["data.csv"]}')
+    assert map_command.main([f"scans={scans}", f"output={out}", "fill=off"]) == 2
+    assert "summary.json was not left by an earlier map" in capsys.readouterr().err
+    assert (out / "data.csv").read_text() == "mine"
+
+
+def test_the_map_that_is_filled_is_not_replaced(room, tmp_path, capsys):
+    out = make_map(MapSettings(scans=str(npz_of(room, tmp_path / "room.npz")), output=str(tmp_path / "out"), fill=False))
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    for name in ("map.yaml", "map_observed.bt"):
+        assert map_command.main([f"scans={out / name}", f"output={out}", "fill=off"]) == 2
+        assert "is what is read" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+@pytest.mark.parametrize("error", [MemoryError(), RuntimeError("DefaultCPUAllocator: not enough memory: you tried to allocate 9 bytes")])
+def test_too_little_memory_is_said_in_one_line(error, room, tmp_path, monkeypatch, capsys):
+    def greedy(*_):
+        raise error
+
+    monkeypatch.setattr("hilbertvae.mapping.fit_cloud", greedy)
+    assert map_command.main([f"scans={npz_of(room, tmp_path / 'room.npz')}", f"output={tmp_path / 'out'}"]) == 2
+    assert "out of memory" in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
 def test_what_does_not_fit_a_format_is_left_out_unless_it_was_asked_for(room, tmp_path, monkeypatch):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hilbertvae.commands.table import main
+from hilbertvae.commands.train import SWEEPS
 from hilbertvae.tables.layouts import read_page
 from toy_sweeps import declare, put
 
@@ -43,7 +44,11 @@ def test_a_folder_that_can_t_be_written(tmp_path, capsys):
     assert capsys.readouterr().err.startswith("hilbertvae-table: ")
 
 
-@pytest.mark.skipif(not COMMITTED, reason="no committed sweeps yet")
+def test_every_sweep_is_committed():
+    expected = {f"{path.stem}-quick" for path in (SWEEPS / "sweep").glob("*.yaml")}
+    assert len(expected) == 8 and expected <= {folder.name for folder in COMMITTED}
+
+
 @pytest.mark.parametrize("folder", COMMITTED, ids=lambda folder: folder.name)
 def test_committed_tables_are_what_the_committed_results_give(folder):
     page = read_page(folder)

@@ -1,5 +1,6 @@
 import shutil
 import tracemalloc
+import warnings
 
 import numpy as np
 import pytest
@@ -164,3 +165,38 @@ def test_a_big_bag_is_read_a_chunk_at_a_time(tmp_path):
     assert len(read_bag(tmp_path / "a.bag", every=20)) == 40_000
     assert tracemalloc.get_traced_memory()[1] < 8e6 < (tmp_path / "a.bag").stat().st_size / 1.5
     tracemalloc.stop()
+
+
+def test_clouds_that_were_put_in_the_map_already_are_told(tmp_path):
+    """As a SLAM leaves them: the cloud's frame has a pose, but it is not the sensor's."""
+    with bag(tmp_path / "a.bag", "ros1") as made:
+        for number in range(6):
+            made.transform("/tf", number, "map", "odom", MAP_ODOM)
+            made.transform("/tf", number, "odom", "lidar", base_in_odom(number))
+        for number in range(6):
+            made.cloud("/cloud_registered", number + 0.0, "odom", CLOUDS[0])
+            made.cloud("/points", number + 0.0, "lidar", CLOUDS[0])
+    with pytest.warns(UserWarning, match="cloud_registered are in the frame odom, which stands still.*Set reading.topic.*: /points"):
+        read_bag(tmp_path / "a.bag", topic="/cloud_registered")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_bag(tmp_path / "a.bag", topic="/points")
+
+
+def test_many_scans_from_one_place_are_told(tmp_path):
+    with bag(tmp_path / "a.bag", "ros1") as made:
+        made.transform("/tf_static", 0, "map", "body", MAP_ODOM)
+        for number in range(6):
+            made.cloud("/points", number + 0.0, "body", CLOUDS[0])
+    with pytest.warns(UserWarning, match="/points come from one place, all 6 of them"):
+        read_bag(tmp_path / "a.bag")
+
+
+def test_leaning_lasers_are_told_from_missing_poses(tmp_path):
+    with bag(tmp_path / "a.bag", "ros1") as made:
+        for number in range(4):
+            made.transform("/tf", number, "map", "laser", ((float(number), 0.0, 0.0), turned(0.0, 0.5 if number == 2 else 0.0, 0.0)))
+        for number in range(4):
+            made.laser("/scan", float(number), "laser", RANGES[number])
+    with pytest.warns(UserWarning, match="in 1 of 4 the laser leans more than 15 degrees"):
+        assert len(np.unique(read_bag(tmp_path / "a.bag").scan)) == 3

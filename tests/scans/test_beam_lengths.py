@@ -5,7 +5,7 @@ import pytest
 from point_writers import POINTS, random_poses, write_drive, write_text
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from toy_rooms import carmen_line, write_log
 
@@ -15,6 +15,18 @@ def test_lengths_and_what_is_kept():
     lengths = beam_lengths(points, np.array([0.0, 0.0]))
     assert lengths[0] == 5 and within_range(lengths, 1.5, 5.1).tolist() == [True, False, False, False, False]
     assert within_range(lengths, 1.4, 5.0).tolist() == [False, False, False, False, True]
+
+
+def test_a_point_at_the_sensor_itself_is_no_return():
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.1], [-0.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(np.isnan(without_zeros(points)).all(axis=1), [True, False, True])
+    np.testing.assert_array_equal(without_zeros(points)[1], points[1])
+
+
+def test_too_long_beams_hint_at_their_unit():
+    check = UnitCheck()
+    check.see(np.array([2000.0, 3000.0]))
+    assert "longer than 2500 m: are they in millimetres?" in check.hint(80.0) and check.hint(5000.0) == ""
 
 
 def test_medians_of_most_scans_decide():

@@ -1,11 +1,15 @@
 import gzip
 import math
+import warnings
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.carmen import beam_step_deg, read_carmen
+from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from toy_rooms import carmen_line, write_log
 
 
@@ -49,8 +53,39 @@ def test_every_keeps_the_order_and_counts_only_laser_lines(tmp_path):
 def test_other_beams_than_the_usual(tmp_path):
     assert [beam_step_deg(beams) for beams in (180, 181, 360, 361)] == [1.0, 1.0, 0.5, 0.5]
     path = write_log(tmp_path / "a.log", [carmen_line([2.0, 2.0, 2.0], [0, 0, 0])])
-    scans = read_carmen(path, first_beam_deg=0.0, step_deg=90.0)
-    np.testing.assert_allclose(scans.points, [[2, 0], [0, 2], [-2, 0]], atol=1e-12)
+    scans = read_carmen(path, step_deg=90.0)
+    np.testing.assert_allclose(scans.points, [[0, -2], [2, 0], [0, 2]], atol=1e-12)
+    np.testing.assert_array_equal(read_scans_path(path, ReadingSettings(beam_step_deg=90.0)).points, scans.points)
+    with pytest.warns(UserWarning, match="a.log: 3 beams taken to be 1 degrees apart.*set reading.beam_step_deg"):
+        read_carmen(path)
+    with pytest.raises(InputError, match="reading.beam_step_deg: expected a positive number"):
+        read_scans_path(path, ReadingSettings(beam_step_deg=0.0))
+
+
+@pytest.mark.parametrize(("beams", "last_deg"), [(541, 135), (1081, 135), (721, 90), (181, 90), (361, 90), (180, 89), (360, 89.5)])
+def test_how_far_a_laser_looks(tmp_path, beams, last_deg):
+    scans = read_carmen(write_log(tmp_path / "a.log", [carmen_line(np.full(beams, 2.0), [0, 0, 0])]))
+    angles = np.rad2deg(np.arctan2(*scans.points.T[::-1]))
+    np.testing.assert_allclose(angles[[0, -1]], [-np.ceil(last_deg), last_deg], atol=1e-9)
+    assert len(scans) == beams
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.data())
+def test_damage_is_read_or_named(tmp_path_factory, data):
+    """Bytes changed anywhere, also in the packed file: scans, or one error with the file's name."""
+    name = data.draw(st.sampled_from(["a.log", "a.log.gz"]))
+    path = write_log(tmp_path_factory.mktemp("damage") / name, [carmen_line(np.full(180, 3.0), [k, 0, 0]) for k in range(3)])
+    content = bytearray(path.read_bytes())
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path.write_bytes(bytes(content[: data.draw(st.integers(0, len(content)))]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            assert np.isfinite(read_carmen(path).points).all()
+        except InputError as error:
+            assert str(path) in str(error)
 
 
 def good_lines(count=50):

@@ -158,7 +158,7 @@ def test_reading_that_does_not_end(tmp_path, monkeypatch):
 def test_a_missing_extra_is_named(tmp_path, monkeypatch):
     path = write_e57(tmp_path / "a.e57")
     monkeypatch.setitem(sys.modules, "pye57", None)
-    with pytest.raises(InputError, match=r"pip install hilbertvae\[points\]"):
+    with pytest.raises(InputError, match=r"pip install 'hilbertvae\[points\]'"):
         read_e57(path)
 
 

@@ -93,3 +93,12 @@ def test_a_real_drive(drive0005):
     # Scans of a fixed place overlap: most returns of the last lie within half a metre of one of the first, so the poses are taken right.
     first, last = (set(map(tuple, np.floor(scans.points[scans.scan == number] / 0.5).astype(int).tolist())) for number in (0, 1))
     assert len(first & last) > 0.3 * len(last)
+
+
+def test_a_calibration_without_the_lidar_s_line_is_told(tmp_path):
+    """Then nothing says whether poses are the camera's."""
+    write_drive(tmp_path, SCANS, random_poses(3), NAME)
+    plain = read_kitti(tmp_path)
+    (tmp_path / "calib.txt").write_text("P0: " + " ".join(["1"] * 12) + "\n")
+    with pytest.warns(UserWarning, match="calib.txt: no line Tr:"):
+        np.testing.assert_array_equal(read_kitti(tmp_path).points, plain.points)

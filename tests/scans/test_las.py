@@ -102,7 +102,7 @@ def test_no_points(tmp_path):
 def test_a_missing_extra_is_named(tmp_path, monkeypatch):
     path = write_las(tmp_path / "a.laz")
     monkeypatch.setitem(sys.modules, "lazrs", None)
-    with pytest.raises(InputError, match=r"pip install hilbertvae\[points\]"):
+    with pytest.raises(InputError, match=r"pip install 'hilbertvae\[points\]'"):
         read_las(path)
 
 

@@ -90,3 +90,21 @@ def test_nothing_within_range(tmp_path):
     write_drive(tmp_path, SCANS, random_poses(3))
     with pytest.raises(InputError, match="expected beams of 0.0 to 0.1 m, found none in 3 scans"):
         read_scan_folder(tmp_path, max_range_m=0.1)
+
+
+def test_no_return_is_at_no_place(tmp_path):
+    """Drivers write (0, 0, 0): with beams that start elsewhere that is 0.2 m away, and would be an obstacle on the sensor."""
+    clouds = np.array([[[0.0, 0, 0], [3, 0, 0], [0, 4, 0]]])
+    write_drive(tmp_path, clouds, random_poses(1), "{}.bin")
+    np.testing.assert_array_equal(read_scan_folder(tmp_path, beam_origin=[0.0, 0.0, 0.2]).beam, [1, 2])
+
+
+def test_a_scan_without_returns_is_left_out(tmp_path):
+    poses = np.tile(np.eye(3, 4), (3, 1, 1))
+    poses[:, 0, 3] = [0, 10, 20]
+    write_drive(tmp_path, np.full((3, 1, 3), 2.0), poses, "{}.bin")
+    (tmp_path / "1.bin").write_bytes(np.full(4, np.nan, np.float32).tobytes())
+    with pytest.warns(UserWarning, match="1 of 3 scans have no return"):
+        scans = read_scan_folder(tmp_path)
+    np.testing.assert_array_equal(scans.points[:, 0], [2, 22])
+    np.testing.assert_array_equal(scans.scan, [0, 1])

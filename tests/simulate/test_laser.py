@@ -132,5 +132,5 @@ def test_a_missing_extra_is_named(monkeypatch):
 
     monkeypatch.setattr(builtins, "__import__", without_embree)
     monkeypatch.delitem(__import__("sys").modules, "trimesh.ray.ray_pyembree", raising=False)
-    with pytest.raises(InputError, match=r"pip install hilbertvae\[sim\]"):
+    with pytest.raises(InputError, match=r"pip install 'hilbertvae\[sim\]'"):
         sim_extra("trimesh.ray.ray_pyembree")

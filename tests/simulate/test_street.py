@@ -134,5 +134,5 @@ def test_a_missing_extra_is_named(monkeypatch):
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "shapely", None)
     monkeypatch.setattr(builtins, "__import__", no_shapely)
-    with pytest.raises(InputError, match=r"shapely is not installed: pip install hilbertvae\[sim\]"):
+    with pytest.raises(InputError, match=r"shapely is not installed: pip install 'hilbertvae\[sim\]'"):
         simulate_street(TINY, 0)

@@ -89,7 +89,12 @@ def run_command(command: str, kind: type[T], about: str, run, words: list[str] |
     except KeyboardInterrupt:
         print(f"{command}: stopped", file=sys.stderr)
         return 130
-    except (InputError, OSError, MemoryError) as error:
+    except (InputError, OSError) as error:
         print(f"{command}: {error}", file=sys.stderr)
+        return 2
+    except (MemoryError, RuntimeError) as error:
+        if not isinstance(error, MemoryError) and "memory" not in str(error):  # torch's own kind is for GPUs alone
+            raise
+        print(f"{command}: out of memory; {str(error).splitlines()[0] if str(error) else 'nothing was written'}", file=sys.stderr)
         return 2
     return 0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, how_to_install
 from hilbertvae.exports.grid_npz import write_grid
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.mesh_ply import write_mesh_ply
@@ -20,23 +20,23 @@ from hilbertvae.exports.ros_map import write_ros_map
 
 @dataclass(frozen=True)
 class Export:
-    """One format. file: the name of what is written (formats that can't tell what is predicted add a file `..._observed`)."""
+    """One format. files: what is written, the main one first (formats that can't tell what is predicted add `..._observed`)."""
 
     write: Callable[[MapCells, Path], object]
-    file: str
+    files: tuple[str, ...]
     dimensions: tuple[int, ...] = (2, 3)
     module: str | None = None
     """That has to be installed; such a format is written only where it is asked for."""
 
 
 EXPORTS: dict[str, Export] = {
-    "ros": Export(write_ros_map, "map.yaml", (2,)),
-    "ot": Export(write_octree_map, "map.ot"),
-    "bt": Export(write_octree_map, "map.bt"),
-    "points": Export(write_points_ply, "points.ply"),
-    "mesh": Export(write_mesh_ply, "mesh.ply", (3,)),
-    "npz": Export(write_grid, "map.npz"),
-    "rerun": Export(write_rerun, "map.rrd", module="rerun"),
+    "ros": Export(write_ros_map, ("map.yaml", "map.pgm", "map_observed.yaml", "map_observed.pgm"), (2,)),
+    "ot": Export(write_octree_map, ("map.ot", "map_observed.ot")),
+    "bt": Export(write_octree_map, ("map.bt", "map_observed.bt")),
+    "points": Export(write_points_ply, ("points.ply",)),
+    "mesh": Export(write_mesh_ply, ("mesh.ply",), (3,)),
+    "npz": Export(write_grid, ("map.npz",)),
+    "rerun": Export(write_rerun, ("map.rrd",), module="rerun"),
 }
 
 
@@ -46,7 +46,7 @@ def check_names(names: Sequence[str] | None) -> None:
         if name not in EXPORTS:
             raise InputError(f"exports: expected some of {', '.join(EXPORTS)}, got {name!r}")
         if EXPORTS[name].module and find_spec(EXPORTS[name].module) is None:
-            raise InputError(f"exports: {name} needs the extra {name!r}: pip install hilbertvae[{name}]")
+            raise InputError(f"exports: {name} needs the extra {name!r}: {how_to_install(name)}")
 
 
 def suiting_exports(names: Sequence[str] | None, dimension: int) -> list[str]:
@@ -67,7 +67,7 @@ def write_exports(names: Sequence[str], cells: MapCells, folder: Path, asked_for
     for name in names:
         before = set(folder.iterdir())
         try:
-            EXPORTS[name].write(cells, folder / EXPORTS[name].file)
+            EXPORTS[name].write(cells, folder / EXPORTS[name].files[0])
         except InputError as error:
             if asked_for:
                 raise InputError(f"exports: {name}: {error}") from error

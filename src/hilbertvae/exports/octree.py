@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,10 @@ def write_octree_map(cells: MapCells, path: str | os.PathLike) -> list[Path]:
     shift = voxel_shift((np.stack([low, low + np.array(shape) - 1]) + 0.5) * cells.resolution_m, cells.resolution_m)
     told = cells if path.suffix == ".ot" else cells.select(cells.occupied | cells.free)
     other = path.with_name(f"{path.stem}_observed{path.suffix}")
+    if shift.any():
+        metres = ", ".join(f"{length:.10g}" for length in shift * cells.resolution_m)
+        reach = f"OctoMap's files reach {ORIGIN * cells.resolution_m:,.0f} m from the origin"
+        warnings.warn(f"{path.name}: {reach}; add ({metres}) m to its coordinates", stacklevel=2)
     with atomic(other) as observed, atomic(path) as whole:
         write_octree(_octree(told, shift), whole)
         write_octree(_octree(told.select(told.observed), shift), observed)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, how_to_install
 from hilbertvae.exports.cell_colours import cell_colours
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.files import atomic
@@ -27,7 +27,7 @@ def write_rerun(cells: MapCells, path: str | os.PathLike, colour: str = "probabi
     try:
         import rerun
     except ImportError as error:
-        raise InputError(f"{path}: needs the extra 'rerun', which is not installed: pip install hilbertvae[rerun]") from error
+        raise InputError(f"{path}: needs the extra 'rerun', which is not installed: {how_to_install('rerun')}") from error
     chosen = cells.select(cells.probability > np.float32(above))
     colours = cell_colours(chosen, colour)
     places = np.zeros((len(chosen), 3))

@@ -11,6 +11,7 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.mappers.octomap_mapper import read_octree
 from hilbertvae.mappers.octree_cloud import octree_cloud
 from hilbertvae.observed_map import read_ros_map, ros_map_cell_m
+from hilbertvae.scans.file_points import named
 
 ROS_MAPS = (".yaml", ".yml", ".pgm")
 OCTREES = (".ot", ".bt")
@@ -35,5 +36,10 @@ def read_given_map(path: str | os.PathLike) -> GivenMap:
     """The map at a path. Raises `InputError` for a file that is missing or damaged; a ROS map's image is read by `cloud`."""
     if Path(path).suffix.lower() in OCTREES:
         mapper = read_octree(path)
-        return GivenMap(len(mapper.shift_), mapper.resolution_, lambda resolution_m: octree_cloud(mapper, resolution_m))
+
+        def cloud(resolution_m: float) -> Cloud:
+            with named(path):
+                return octree_cloud(mapper, resolution_m)
+
+        return GivenMap(len(mapper.shift_), mapper.resolution_, cloud)
     return GivenMap(2, ros_map_cell_m(path), lambda resolution_m: read_ros_map(path, resolution_m))

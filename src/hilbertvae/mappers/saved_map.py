@@ -57,7 +57,10 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
     metadata = {"format": FORMAT, "settings": json.dumps(described, sort_keys=True, default=lambda number: number.item())}
     arrays = {name: pack(array) if name in PACKED else np.ascontiguousarray(array) for name, array in map_arrays(mapper).items()}
     with atomic(path) as temporary:
-        save_file(arrays, temporary, metadata=metadata)
+        try:
+            save_file(arrays, temporary, metadata=metadata)
+        except SafetensorError as error:  # a full disk, for instance
+            raise OSError(f"{path}: {error}") from error
     return Path(path)
 
 

@@ -15,14 +15,16 @@ from rich.progress import track
 from hilbertvae.checks import InputError
 from hilbertvae.scans.bag_chunks import bounded_unpacking
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
-from hilbertvae.scans.bag_poses import ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
-from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range
+from hilbertvae.scans.bag_poses import FIXED_FRAMES, ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.file_points import check_reading, extra_module, named, reading
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
 
+FIXED = {*FIXED_FRAMES, "world", "earth", "camera_init"}
+"""Frames that stand still, the last one LOAM's."""
 BAG_FILES = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
 MOST_TILT_DEG = 15.0
@@ -69,11 +71,12 @@ def read_bag(
                 raise InputError(f"reading.{name}: {chosen} of {path} are planar laser scans, where this has no meaning; leave it unset")
         finder = bag.poses(fixed_frame) if poses is None else None
         beam_origins, odometry, unit = find_beam_origins(beam_origin), KissOdometry(), UnitCheck()
-        found, seen = ScanCollector(), 0
+        found, seen, tilted = ScanCollector(), 0, 0
+        frames, places = set(), set()
         # Odometry goes from scan to scan, so it sees those too that are left out.
         for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
             with named(f"{path}, a message of {chosen}"):
-                cloud = READERS[message.__msgtype__](message)
+                cloud = without_zeros(READERS[message.__msgtype__](message))
             start = beam_origins(cloud)
             lengths = beam_lengths(cloud, start)
             unit.see(lengths)
@@ -83,25 +86,49 @@ def read_bag(
             if index % every:
                 continue
             seen += 1
-            if pose is None or (is_flat and pose[2, 2] ** 2 < np.cos(np.deg2rad(MOST_TILT_DEG)) ** 2):
+            if pose is None:
                 continue
+            if is_flat and pose[2, 2] ** 2 < np.cos(np.deg2rad(MOST_TILT_DEG)) ** 2:
+                tilted += 1
+                continue
+            frames.add(message.header.frame_id.lstrip("/"))
+            places.add(tuple(np.round(pose[:3, 3], 3)))
             found.add(cloud, start, kept, pose, DIMENSIONS[bag.types[chosen]])
     unit.warn(path)
     odometry.warn(path)
-    _warn(path, chosen, finder, len(found), seen)
+    _warn(path, chosen, finder, len(found), seen, tilted)
+    if finder:
+        _warn_of_fixed_clouds(path, chosen, frames, len(places), len(found), bag)
     if not found.returns():
-        raise InputError(f"{path}: expected beams of {min_range_m} to {max_range_m} m on {chosen}, found none in {seen} scans")
+        raise InputError(
+            f"{path}: expected beams of {min_range_m} to {max_range_m} m on {chosen}, found none in {seen} scans{unit.hint(max_range_m)}"
+        )
     return found.whole()
 
 
-def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int) -> None:
+def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], places: int, found: int, bag: _Bag) -> None:
+    """Clouds that a SLAM has put in its own fixed frame carry no place of the sensor: all of their beams would start at one."""
+    stands = sorted(frames & FIXED)
+    if stands or (places == 1 and found >= 5):
+        others = ", ".join(name for name in bag.scan_topics() if name != topic) or "none"
+        said = f"are in the frame {stands[0]}, which stands still" if stands else f"come from one place, all {found} of them"
+        warnings.warn(
+            f"{path}: the scans of {topic} {said}: if the sensor moved, their beams start in the wrong place. Set reading.topic to the "
+            f"sensor's own; other topics of scans: {others}",
+            stacklevel=3,
+        )
+
+
+def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int, tilted: int) -> None:
     """One warning for what of the poses is doubtful; an `InputError` where no scan has one."""
     if finder and seen and not found:
         raise InputError(
             f"{path}: expected poses for the scans of {topic}, got none of {seen}: transforms in {finder.fixed_frame} don't cover their "
             f"times, or the laser leans more than {MOST_TILT_DEG:.0f} degrees"
         )
-    doubts = [f"{seen - found} of {seen} scans of {topic} have no pose at their time and are left out"] if found < seen else []
+    unposed = seen - found - tilted
+    doubts = [f"{unposed} of {seen} scans of {topic} have no pose at their time and are left out"] if unposed else []
+    doubts += [f"in {tilted} of {seen} the laser leans more than {MOST_TILT_DEG:.0f} degrees; they are left out"] if tilted else []
     assumed = sorted(finder.assumed) if finder else []
     doubts += [f"no transform says where {name} is on {finder.base_frame or 'the robot'}; taken to be its origin" for name in assumed]
     if doubts:
@@ -134,9 +161,13 @@ class _Bag:
         for connection in self.reader.connections:
             self.counts[connection.topic] += int(connection.msgcount)
 
+    def scan_topics(self) -> list[str]:
+        """The topics of scans, by name."""
+        return sorted(name for name, kind in self.types.items() if kind in DIMENSIONS)
+
     def scan_topic(self, wanted: str | None) -> str:
         """The topic of scans that is asked for, else the one with most messages."""
-        topics = {name: count for name, count in self.counts.items() if self.types[name] in DIMENSIONS and (count or name == wanted)}
+        topics = {name: self.counts[name] for name in self.scan_topics() if self.counts[name] or name == wanted}
         if wanted is not None and wanted not in topics:
             wanted = next((name for name in topics if name.lstrip("/") == wanted.lstrip("/")), wanted)
         if not topics or (wanted is not None and wanted not in topics):

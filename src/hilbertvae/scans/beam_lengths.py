@@ -23,6 +23,12 @@ def within_range(lengths: np.ndarray, min_range_m: float, max_range_m: float) ->
         return (lengths > min_range_m) & (lengths < max_range_m)
 
 
+def without_zeros(points: np.ndarray) -> np.ndarray:
+    """`points (N, D)` of a sensor's frame with NaN where they are (0, 0, 0), as drivers write for a beam without a return."""
+    zero = (points == 0).all(axis=1)
+    return np.where(zero[:, None], np.nan, points) if zero.any() else points
+
+
 class UnitCheck:
     """Sees the lengths of all beams, dropped ones included, scan by scan, and warns where they can't be metres."""
 
@@ -35,9 +41,17 @@ class UnitCheck:
         if len(lengths):
             self._medians.append(float(np.median(lengths)))
 
+    def hint(self, max_range_m: float) -> str:
+        """What to add to the news that no beam is short enough: half of them are too long, which another unit may explain."""
+        middle = self._middle()
+        return f"; half of the beams are longer than {middle:.4g} m: are they in millimetres?" if middle >= max_range_m else ""
+
+    def _middle(self) -> float:
+        return float(np.median(self._medians)) if self._medians else 0.0
+
     def warn(self, path: str | os.PathLike) -> None:
         """One `UserWarning` where the median beam, over the scans seen, is longer than any laser's."""
-        middle = float(np.median(self._medians)) if self._medians else 0.0
+        middle = self._middle()
         if middle > LONGEST_MEDIAN_M:
             warnings.warn(
                 f"{path}: half of the beams are longer than {middle:.0f} m; are the coordinates in millimetres, "

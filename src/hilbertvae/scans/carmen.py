@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -18,21 +19,31 @@ MIN_RANGE_M = 0.02
 """Shorter ranges are the sensor's own housing or an error code of 0."""
 
 
+LAYOUTS_DEG = {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5, 541: 0.5, 721: 0.25, 1081: 0.25}
+"""Degrees between beams by how many there are: half circles of SICK's LMS, and 270 degrees of SICK's and Hokuyo's (541, 1081)."""
+HALF_CIRCLES = (180, 360)
+"""Counts whose last beam is one step short of 90 degrees."""
+
+
 def beam_step_deg(beams: int) -> float:
-    """Degrees between beams: 1 for 180 or 181 beams, 0.5 for 360 or 361. Beam k points at -90 + k * step, counter-clockwise.
+    """Degrees between beams, as `LAYOUTS_DEG` has it; 1 or 0.5 for other counts. Beams run counter-clockwise.
 
     Spreading 180 beams over exactly 180 degrees gives maps 2 to 12 % blurrier on the catalogue's logs.
     """
-    return 1.0 if beams <= 181 else 0.5
+    return LAYOUTS_DEG.get(beams, 1.0 if beams <= 181 else 0.5)
 
 
-def read_carmen(
-    path: str | os.PathLike, max_range_m: float = 30.0, every: int = 1, first_beam_deg: float = -90.0, step_deg: float | None = None
-) -> Scans:
+def first_beam_deg(beams: int, step_deg: float) -> float:
+    """The bearing of beam 0: -90 for a half circle, and in general as far to the right as the last one is to the left."""
+    return -90.0 if beams in HALF_CIRCLES and step_deg == LAYOUTS_DEG[beams] else -step_deg * (beams - 1) / 2
+
+
+def read_carmen(path: str | os.PathLike, max_range_m: float = 30.0, every: int = 1, step_deg: float | None = None) -> Scans:
     """The returns of a log's `FLASER` lines, in the order of lines (timestamps are useless in some logs).
 
     A range at or above `max_range_m`, no-return codes among them, is an error or a miss: it is skipped and carves nothing.
-    `every` keeps each so many-th scan. Raises `InputError` for a missing, truncated or foreign file.
+    `every` keeps each so many-th scan. step_deg: between beams, as many scans have them unless given; a count that no known laser has
+    gives a warning then. Raises `InputError` for a missing, truncated or foreign file.
     """
     path = Path(path)
     check_positive(max_range_m, "max_range_m")
@@ -40,7 +51,7 @@ def read_carmen(
         raise InputError(f"every: expected at least 1, got {every}")
     points, origins, scan, beam = [], [], [], []
     kept = seen = 0
-    unit = UnitCheck()
+    unit, strange = UnitCheck(), set()
     for number, line in _lines(path):
         if not line.startswith(b"FLASER "):
             continue
@@ -49,9 +60,10 @@ def read_carmen(
             continue
         ranges, (x, y, heading) = _parse(path, number, line)
         step = beam_step_deg(len(ranges)) if step_deg is None else step_deg
+        strange |= {len(ranges)} - LAYOUTS_DEG.keys()
         unit.see(ranges)
         chosen = np.flatnonzero((ranges > MIN_RANGE_M) & (ranges < max_range_m))
-        angle = heading + np.deg2rad(first_beam_deg + chosen * step)
+        angle = heading + np.deg2rad(first_beam_deg(len(ranges), step) + chosen * step)
         end = np.column_stack([x + ranges[chosen] * np.cos(angle), y + ranges[chosen] * np.sin(angle)])
         points.append(end)
         origins.append(np.broadcast_to([x, y], end.shape))
@@ -61,8 +73,11 @@ def read_carmen(
     if not seen:
         raise InputError(f"{path}: expected a CARMEN log with FLASER lines, found none")
     unit.warn(path)
+    if strange and step_deg is None:
+        counts = ", ".join(f"{count} beams taken to be {beam_step_deg(count):g} degrees apart" for count in sorted(strange)[:3])
+        warnings.warn(f"{path}: {counts}, which no known laser has; set reading.beam_step_deg", stacklevel=3)
     if not sum(map(len, points)):
-        raise InputError(f"{path}: expected ranges below {max_range_m} m, found none in {seen} scans")
+        raise InputError(f"{path}: expected ranges below {max_range_m} m, found none in {seen} scans{unit.hint(max_range_m)}")
     return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam))
 
 

@@ -11,7 +11,7 @@ from types import ModuleType
 
 import numpy as np
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, how_to_install
 
 SMALL_BYTES = 64 * 2**20
 """Packed files may grow to this size whatever their own: runs of equal numbers pack a thousandfold."""
@@ -81,5 +81,5 @@ def extra_module(extra: str, module: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        name = error.name or module
-        raise InputError(f"this needs the extra '{extra}', and {name} is not installed: pip install hilbertvae[{extra}]") from error
+        missing = f"{error.name or module} is not installed: {how_to_install(extra)}"
+        raise InputError(f"this needs the extra '{extra}', and {missing}") from error

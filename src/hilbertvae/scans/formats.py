@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_positive
 from hilbertvae.scans.bags import BAG_FILES, METADATA, is_bag, read_bag
 from hilbertvae.scans.carmen import read_carmen
 from hilbertvae.scans.file_points import check_reading
@@ -36,6 +36,8 @@ class ReadingSettings:
     beam_origin: str = "centre"
     """Where a scan's beams start, for a folder of scans and a bag's clouds: `centre`, `hdl64`, or three numbers in metres, sensor frame, as
     '0, 0, 0.2'."""
+    beam_step_deg: float | None = None
+    """Of a CARMEN log: degrees between beams, the middle one straight ahead. Known for 180, 181, 360, 361, 541, 721 and 1081 beams."""
     poses: str | None = None
     """`kiss_icp` finds the poses of 3D scans in the order of travel, in a folder or a bag, from the scans alone (extra `poses`)."""
     topic: str | None = None
@@ -62,30 +64,32 @@ def read_scans_path(path: str | os.PathLike, reading: ReadingSettings | None = N
     """
     path, reading = Path(path), reading or ReadingSettings()
     ranges = {key: value for key in ("max_range_m", "min_range_m") if (value := getattr(reading, key)) is not None}
-    of_bags = ("topic", "fixed_frame")
+    of_bags, of_logs = ("topic", "fixed_frame"), "beam_step_deg"
     if path.name.lower().endswith(CARMEN):
         _refuse(path, "a CARMEN log", reading, "sensor_origin_m", "beam_origin", "poses", *of_bags)
-        return _carmen(path, reading.every, **ranges)
+        return _carmen(path, reading.every, reading.beam_step_deg, **ranges)
     if is_bag(path):
-        _refuse(path, "a ROS bag", reading, "sensor_origin_m")
+        _refuse(path, "a ROS bag", reading, "sensor_origin_m", of_logs)
         return read_bag(path, reading.topic, reading.fixed_frame, reading.beam_origin, every=reading.every, poses=reading.poses, **ranges)
     if path.is_dir():
-        _refuse(path, "a folder of scans", reading, "sensor_origin_m", *of_bags)
+        _refuse(path, "a folder of scans", reading, "sensor_origin_m", *of_bags, of_logs)
         if bags := sorted(each.name for each in path.iterdir() if each.suffix.lower() in BAG_FILES):
             raise InputError(f"{path}: expected scans, or a ROS 2 bag with {METADATA}; found bags to be read one by one: {', '.join(bags)}")
         read = read_kitti if is_kitti(path) else read_scan_folder
         return read(path, beam_origin=reading.beam_origin, every=reading.every, poses=reading.poses, **ranges)
     if path.suffix.lower() in READERS:
-        _refuse(path, "a single point file", reading, "beam_origin", "poses", *of_bags)
+        _refuse(path, "a single point file", reading, "beam_origin", "poses", *of_bags, of_logs)
         return read_point_file(path, reading.sensor_origin_m, every=reading.every, **ranges)
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {' '.join(EXTENSIONS)}, and folders of scans")
 
 
-def _carmen(path: Path, every: int, max_range_m: float | None = None, min_range_m: float = 0.0) -> Scans:
-    check_reading(min_range_m, np.inf if max_range_m is None else max_range_m, every)
-    scans = read_carmen(path, every=every) if max_range_m is None else read_carmen(path, max_range_m, every)
+def _carmen(path: Path, every: int, step_deg: float | None, max_range_m: float = 30.0, min_range_m: float = 0.0) -> Scans:
+    check_reading(min_range_m, max_range_m, every)
+    if step_deg is not None:
+        check_positive(step_deg, "reading.beam_step_deg")
+    scans = read_carmen(path, max_range_m, every, step_deg)
     kept = np.sqrt(np.square(scans.points - scans.origins).sum(axis=1)) > min_range_m
     if not kept.any():
         raise InputError(f"{path}: expected ranges above {min_range_m} m, found none")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -40,5 +41,8 @@ def read_kitti(
     files = scan_files(folder / VELODYNE)
     if files[0].suffix.lower() != ".bin":
         raise InputError(f"{folder / VELODYNE}: expected .bin scans, found {files[0].suffix}")
-    calibration = read_calibration(folder / CALIBRATION) if (folder / CALIBRATION).is_file() else None
+    there = (folder / CALIBRATION).is_file()
+    calibration = read_calibration(folder / CALIBRATION) if there else None
+    if there and calibration is None and poses is None:
+        warnings.warn(f"{folder / CALIBRATION}: no line Tr:, so {POSES} is taken to have the lidar's poses, not the camera's", stacklevel=3)
     return read_posed_scans(files, folder / POSES, beam_origin, max_range_m, min_range_m, every, poses, calibration)

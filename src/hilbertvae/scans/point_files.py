@@ -34,15 +34,20 @@ READERS: dict[str, Callable[[Path], FilePoints]] = {
 }
 
 
-def read_points(path: str | os.PathLike) -> FilePoints:
-    """The returns of one file, by its extension; an `InputError` for an unknown one and for a file without a single return."""
+def read_points(path: str | os.PathLike, may_be_empty: bool = False) -> FilePoints:
+    """The returns of one file, by its extension; an `InputError` for an unknown one.
+
+    One for a file without a single return, too, unless it `may_be_empty`, as one of many scans may: then there are no points.
+    """
     path = Path(path)
     if path.suffix.lower() not in READERS:
         raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {' '.join(READERS)}")
     found = READERS[path.suffix.lower()](path)
+    returned = np.isfinite(found.points).all(axis=1)
+    if may_be_empty and not returned.any():
+        return FilePoints(found.points[:0])
     if not len(found.points):
         raise InputError(f"{path}: expected at least one point, found none")
-    returned = np.isfinite(found.points).all(axis=1)
     if not returned.any():
         raise InputError(f"{path}: expected returns, found {len(found.points)} points and all of them NaN or inf")
     if found.origins is not None and not np.isfinite(found.origins if found.origins.ndim == 1 else found.origins[returned]).all():
@@ -75,7 +80,7 @@ def read_point_file(
     if not kept.any():
         raise InputError(
             f"{path}: expected beams of {min_range_m} to {max_range_m} m, found none among {len(found.points)}; "
-            f"the first starts at {origins[0].tolist()} and ends at {found.points[0].tolist()}"
+            f"the first starts at {origins[0].tolist()} and ends at {found.points[0].tolist()}{unit.hint(max_range_m)}"
         )
     order = order[kept]
     return Scans(found.points[order], origins[order], (scan[kept] // every).astype(np.int32), beam[kept].astype(np.int32))

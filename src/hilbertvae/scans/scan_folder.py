@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from rich.progress import track
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.file_points import check_reading, named, reading
 from hilbertvae.scans.odometry import FINDING, KISS_ICP, KissOdometry, check_poses_choice
@@ -77,26 +78,33 @@ def read_posed_scans(
     beam_origins = find_beam_origins(beam_origin)
     given = _given_poses(files, poses_path, lidar_to_camera) if poses is None else None
     odometry, unit = KissOdometry(), UnitCheck()
-    kept = ScanCollector()
+    kept, empty = ScanCollector(), 0
     # Odometry goes from scan to scan, so it sees those too that are left out.
     taken = range(0, len(files), every) if poses is None else track(range(len(files)), FINDING)
     for index in taken:
-        found = read_points(files[index])
+        found = read_points(files[index], may_be_empty=True)
+        if not len(found.points):
+            empty += 1
+            continue
         if found.points.shape[1] != 3 or (found.scan is not None and len(np.unique(found.scan)) > 1):
             raise InputError(f"{files[index]}: expected one scan of 3D points, since a folder has one 3D pose for each file")
-        start = beam_origins(found.points) if found.origins is None else np.broadcast_to(found.origins, found.points.shape)
-        lengths = beam_lengths(found.points, start)
+        points = without_zeros(found.points) if found.origins is None else found.points
+        start = beam_origins(points) if found.origins is None else np.broadcast_to(found.origins, points.shape)
+        lengths = beam_lengths(points, start)
         unit.see(lengths)
         chosen = np.flatnonzero(within_range(lengths, min_range_m, max_range_m))
         with named(files[index]):
-            pose = odometry.register(found.points[chosen]) if given is None else given[index]
+            pose = odometry.register(points[chosen]) if given is None else given[index]
         if index % every:
             continue
-        kept.add(found.points, start, chosen, pose)
+        kept.add(points, start, chosen, pose)
+    if empty:
+        warnings.warn(f"{files[0].parent}: {empty} of {len(taken)} scans have no return and are left out", stacklevel=3)
     unit.warn(files[0].parent)
     odometry.warn(files[0].parent)
     if not kept.returns():
-        raise InputError(f"{files[0].parent}: expected beams of {min_range_m} to {max_range_m} m, found none in {len(kept)} scans")
+        found = f"found none in {len(kept)} scans{unit.hint(max_range_m)}"
+        raise InputError(f"{files[0].parent}: expected beams of {min_range_m} to {max_range_m} m, {found}")
     return kept.whole()
 
 

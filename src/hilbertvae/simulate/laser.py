@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_positive, how_to_install
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,8 @@ def sim_extra(module: str):
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise InputError(
-            f"simulated sites need the extra 'sim', and {error.name or module} is not installed: pip install hilbertvae[sim]"
-        ) from error
+        missing = f"{error.name or module} is not installed: {how_to_install('sim')}"
+        raise InputError(f"simulated sites need the extra 'sim', and {missing}") from error
 
 
 def extrude(edges: np.ndarray, bottom_m: float = -1.0, top_m: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
