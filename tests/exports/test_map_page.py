@@ -87,26 +87,65 @@ def browser():
     return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 
-@pytest.mark.skipif(browser() is None, reason="no Chromium here")
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_a_browser_draws_it(dimension, tmp_path):
-    """Before on the left, after on the right: the right half has more of the map, and the page reports no fault."""
-    side = np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    index = side if dimension == 2 else np.column_stack([side, np.zeros(len(side), int)])
-    dark = np.full(len(index), 0.99, np.float32)
-    cells = MapCells(index, 0.1, dark, np.zeros(len(index), np.float32), np.arange(len(index)) % 7 == 0)
-    page = write_page(cells, tmp_path / "map.html", "a map", TABLES)
+def shown_by_browser(page, folder, act=""):
+    """The DOM after loading, and the brightness (H, W) of the map's part of the window; act: JavaScript, run once the page is ready."""
+    if act:
+        then = f"if (!document.querySelector('[data-ready]')) return; clearInterval(wait); {act}"
+        page.write_text(page.read_text() + f"<script>const wait = setInterval(() => {{ {then} }}, 20);</script>")
     options = ["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--window-size=900,900"]
-    options += ["--virtual-time-budget=8000", f"--user-data-dir={tmp_path / 'profile'}"]
-    shot = tmp_path / "shot.png"
+    options += ["--virtual-time-budget=8000", f"--user-data-dir={folder / 'profile'}"]
+    shot = folder / "shot.png"
     told = ""
     for _ in range(3):  # on a busy machine the browser's own clock may run out before it has drawn
         for what in (f"--screenshot={shot}", "--dump-dom"):
             told = subprocess.run([browser(), *options, what, page.as_uri()], capture_output=True, timeout=120, check=True).stdout.decode()
         if "data-ready" in told:
             break
+    return told, np.asarray(Image.open(shot).convert("RGB")).astype(int)[60:640]
+
+
+def sheet(dimension):
+    """A square of occupied cells, a seventh of which was observed."""
+    side = np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    index = side if dimension == 2 else np.column_stack([side, np.zeros(len(side), int)])
+    dark = np.full(len(index), 0.99, np.float32)
+    return MapCells(index, 0.1, dark, np.linspace(0, 0.5, len(index), dtype=np.float32), np.arange(len(index)) % 7 == 0)
+
+
+def drawn(image, dimension):
+    """How many pixels of the left and of the right half show a cell: the ground's colour is light, the background is 236."""
+    dark = image @ [0.299, 0.587, 0.114] < (120 if dimension == 2 else 215)
+    return np.count_nonzero(dark[:, :440]), np.count_nonzero(dark[:, 460:])
+
+
+@pytest.mark.skipif(browser() is None, reason="no Chromium here")
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_browser_draws_it(dimension, tmp_path):
+    """Before on the left, after on the right: the right half has more of the map, and the page reports no fault."""
+    page = write_page(sheet(dimension), tmp_path / "map.html", "a map", TABLES)
+    told, image = shown_by_browser(page, tmp_path)
     assert f'data-ready="{dimension}"' in told and '<p id="fault"></p>' in told
-    image = np.asarray(Image.open(shot).convert("L")).astype(int)[60:640]
-    drawn = image < (120 if dimension == 2 else 215)  # the ground's colour is light; the background is 236
-    left, right = np.count_nonzero(drawn[:, :440]), np.count_nonzero(drawn[:, 460:])
-    assert right > 1.5 * left > 0  # a seventh of the cells was observed; seen from the side they hide gaps between them
+    left, right = drawn(image, dimension)
+    assert right > 1.5 * left > 0  # seen from the side, cells hide gaps between them
+
+
+@pytest.mark.skipif(browser() is None, reason="no Chromium here")
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_what_a_reader_can_do_on_it(dimension, tmp_path):
+    """The slider, the layers, the colours, and in 3D turning."""
+
+    def after(name, act):
+        return shown_by_browser(write_page(sheet(dimension), tmp_path / f"{name}.html", "a map", TABLES), tmp_path, act)[1]
+
+    before = after("before", "")
+    left, right = drawn(before, dimension)
+    slid = after("slid", "const s = document.getElementById('split'); s.value = 0; s.oninput();")
+    assert drawn(slid, dimension)[0] > 1.5 * left and drawn(slid, dimension)[1] == right
+    seen = after("seen", "const f = document.getElementById('filled'); f.checked = false; f.oninput();")
+    assert drawn(seen, dimension)[1] < right / 1.5 and drawn(seen, dimension)[0] == left
+    modes = [mode["name"] for mode in data_of(tmp_path / "before.html")["modes"]]
+    other = after("other", f"const m = document.getElementById('mode-' + {modes[-1]!r}); m.checked = true; m.onchange();")
+    assert (other != before).any(axis=2).mean() > 0.05
+    if dimension == 3:
+        turned = after("turned", "window.turn(0.7, 0.5);")
+        assert (turned != before).any(axis=2).mean() > 0.05
