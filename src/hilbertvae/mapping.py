@@ -180,10 +180,14 @@ def _read(settings: MapSettings) -> Scans | GivenMap:
     scans = read_scans_path(settings.scans, settings.reading())
     if not len(scans):
         raise InputError(f"{settings.scans}: expected returns, found none; are all ranges beyond max_range_m, or no returns?")
-    if scans.dimension == 3 and max(np.ptp(scans.points[:, 2]), np.ptp(scans.origins[:, 2])) < FLAT_M:
+    if scans.dimension == 3 and np.ptp([*_ends(scans.points[:, 2]), *_ends(scans.origins[:, 2])]) < FLAT_M:
         warnings.warn(f"{settings.scans}: all beams run at one height, so that the map is of two dimensions", stacklevel=3)
         return Scans(scans.points[:, :2], scans.origins[:, :2], scans.scan, scans.beam)
     return scans
+
+
+def _ends(values: np.ndarray) -> tuple[float, float]:
+    return values.min(), values.max()
 
 
 @dataclass

@@ -62,11 +62,14 @@ def test_other_beams_than_the_usual(tmp_path):
         read_scans_path(path, ReadingSettings(beam_step_deg=0.0))
 
 
-@pytest.mark.parametrize(("beams", "last_deg"), [(541, 135), (1081, 135), (721, 90), (181, 90), (361, 90), (180, 89), (360, 89.5)])
-def test_how_far_a_laser_looks(tmp_path, beams, last_deg):
+@pytest.mark.parametrize(
+    ("beams", "first_deg", "last_deg"),
+    [(541, -135, 135), (1081, -135, 135), (721, -90, 90), (181, -90, 90), (361, -90, 90), (180, -90, 89), (360, -90, 89.5)],
+)
+def test_how_far_a_laser_looks(tmp_path, beams, first_deg, last_deg):
     scans = read_carmen(write_log(tmp_path / "a.log", [carmen_line(np.full(beams, 2.0), [0, 0, 0])]))
     angles = np.rad2deg(np.arctan2(*scans.points.T[::-1]))
-    np.testing.assert_allclose(angles[[0, -1]], [-np.ceil(last_deg), last_deg], atol=1e-9)
+    np.testing.assert_allclose(angles[[0, -1]], [first_deg, last_deg], atol=1e-9)
     assert len(scans) == beams
 
 
