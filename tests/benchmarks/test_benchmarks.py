@@ -18,6 +18,7 @@ NEEDED = {
     "launchers": ["embreex"],
     "streaming": ["octomap", "embreex"],
     "map_command": ["octomap", "embreex", "trimesh"],
+    "octomap_rays": ["octomap", "embreex"],
 }
 
 
