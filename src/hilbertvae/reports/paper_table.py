@@ -38,7 +38,7 @@ NOTE = (
 )
 OCTOMAP_NOTE = (
     "OctoMap is fed labelled points, as every mapper is, and calls nothing in a gap: no point of one is shown. The paper's has answers "
-    "there, so it was probably fed rays, which cross gaps."
+    "there; fed rays, which cross gaps, OctoMap calls nothing in them occupied either (docs/decisions.md)."
 )
 
 
