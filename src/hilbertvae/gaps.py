@@ -14,6 +14,8 @@ from hilbertvae.voxel_votes import voxel_index
 
 LEAST_SHARE, MOST_SHARE = 0.10, 0.15
 """Balls are added until at least the first share of the points is gone, and none that would take more than the second."""
+HOPELESS = 500
+"""After so many balls of which none could be cut, none will be; each try of a large one counts most of the site's points."""
 INSIDE, OUTSIDE, RIM = 1, 0, -1
 
 
@@ -95,8 +97,8 @@ def random_gaps(
     gone = np.zeros(len(cloud), bool)
     count = 0
     index = BucketIndex(cloud.points, high / 2)
-    for _ in range(attempts):
-        if count >= LEAST_SHARE * len(cloud):
+    for attempt in range(attempts):
+        if count >= LEAST_SHARE * len(cloud) or (attempt >= HOPELESS and not len(centres)):
             break
         radius = rng.uniform(low, high) / 2
         offset = rng.standard_normal(dimension)

@@ -148,11 +148,17 @@ class TestASweepSurvives:
         assert again.stdout.count("finished before") == 3 and "trained before" not in again.stdout
 
     def test_a_failed_job_is_written_down_and_the_others_are_kept(self, tmp_path):
-        done = multirun(tmp_path, "cases/ablation=default,weights-unit", "+mapper.cvae-hm.neighbors=1,2")  # an unknown setting
+        done = multirun(tmp_path, "cases/ablation=default", "seed=-1,0")
+        folder = tmp_path / "outputs/debug/ablation-quick"
+        assert done.returncode == 1 and "1 of 2 jobs have results" in done.stdout
+        assert "FAILED default-seed-1: run: InputError: seed" in done.stdout
+        assert read_result(folder / "default-seed-1/result.json")[0].failed.keys() == {"run"}
+        assert not read_result(folder / "default-seed0/result.json")[0].failed
+
+    def test_a_setting_that_no_mapper_knows_fails_the_job(self, tmp_path):
+        done = multirun(tmp_path, "cases/ablation=default", "+mapper.cvae-hm.neighbors=1")
         assert done.returncode == 1
         assert "FAILED default-seed0: run: InputError: mapper.cvae-hm" in done.stdout
-        mixed = multirun(tmp_path, "cases/ablation=default,dropout-0.7", "network.dropout=0.0,7.0")
-        assert mixed.returncode == 1
 
     def test_a_loss_that_is_not_finite_fails_the_job(self, tmp_path):
         done = multirun(tmp_path, "cases/ablation=default", "trainer.learning_rate=1e30")

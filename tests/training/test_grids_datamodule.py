@@ -9,8 +9,9 @@ from hilbertvae.checks import InputError
 from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.scans.carmen import read_carmen
-from hilbertvae.training import grids_datamodule
-from hilbertvae.training.grids_datamodule import EpochBatches, GridPairs, GridsDataModule, draw_seed, grids_hash
+from hilbertvae.training import kept_grids
+from hilbertvae.training.grids_datamodule import EpochBatches, GridPairs, GridsDataModule
+from hilbertvae.training.kept_grids import draw_seed, grids_hash
 from hilbertvae.training.settings import DataSettings
 from toy_rooms import room_log
 
@@ -67,7 +68,7 @@ def test_the_validation_site_is_seen_as_it_will_be_mapped(prepared):
 
 def test_the_second_run_builds_nothing(prepared, monkeypatch):
     first = module_of(prepared)
-    monkeypatch.setattr(grids_datamodule, "_build", lambda *arguments: pytest.fail("built again"))
+    monkeypatch.setattr(kept_grids, "_build", lambda *arguments: pytest.fail("built again"))
     second = module_of(prepared)
     assert torch.equal(first.train_pairs.shown, second.train_pairs.shown)
     assert torch.equal(first.validation_pairs.target, second.validation_pairs.target)
@@ -77,8 +78,8 @@ def test_the_second_run_builds_nothing(prepared, monkeypatch):
 def test_only_what_is_missing_is_built(prepared, monkeypatch):
     module_of(prepared)
     built = []
-    original = grids_datamodule._build
-    monkeypatch.setattr(grids_datamodule, "_build", lambda path, *job: built.append(job[:2]) or original(path, *job))
+    original = kept_grids._build
+    monkeypatch.setattr(kept_grids, "_build", lambda path, *job: built.append(job[:2]) or original(path, *job))
     module_of(replace(prepared, clustering=replace(prepared.clustering, clusterings=3)))
     assert built == [(prepared.data.train[0], 2)]
 

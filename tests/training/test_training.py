@@ -19,7 +19,8 @@ from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
 from hilbertvae.mappers.nearest import NearestMapper  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
 from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
-from hilbertvae.training.train import _precision, train, training_hash  # noqa: E402
+from hilbertvae.training.settings import training_hash  # noqa: E402
+from hilbertvae.training.train import _precision, train  # noqa: E402
 
 
 @pytest.fixture(scope="module")

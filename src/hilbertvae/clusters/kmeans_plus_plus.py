@@ -6,7 +6,6 @@ scikit-learn's is the greedy one: of 2 + log(count) draws, the one that lowers t
 from __future__ import annotations
 
 import numpy as np
-from sklearn.cluster import kmeans_plusplus
 
 from hilbertvae.checks import InputError, check_count, check_points
 
@@ -16,6 +15,8 @@ def kmeans_plus_plus(points: np.ndarray, count: int, weight: np.ndarray | None =
 
     An `InputError` for more seeds than points. Seeds differ where there are as many different points.
     """
+    from sklearn.cluster import kmeans_plusplus  # late: seconds that only this start should cost
+
     points = check_points(points, "points")
     count = check_count(count, "count", len(points))
     if weight is not None:

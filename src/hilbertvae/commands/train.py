@@ -18,17 +18,17 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 
 import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.commands.build import build_mappers
 from hilbertvae.commands.clustering_study import run_clustering, write_clustering_failure
 from hilbertvae.commands.gpus import give_gpus
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSettings
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
+from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reports.run_state import is_finished, write_failure
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.site import open_site, site_name
-from hilbertvae.training.settings import Settings
+from hilbertvae.training.settings import Settings, training_hash
 
 PACKAGE = Path(hilbertvae.__file__).parent
 # The wheel carries the folders inside the package; a checkout has them at the top.
@@ -67,28 +67,24 @@ def _refuse_unknown(node: object, path: str) -> None:
 
 def run(settings: Settings, again: bool = True) -> int:
     """Train if a mapper needs it, score all, write everything; the exit code. again: do so even if the results are there already."""
+    data = settings.data
+    with contextlib.suppress(InputError, OSError):  # what can't be read is told below, and is not finished
+        if not again and is_finished(settings.output, [site_name(site) for site in data.test], _identity(settings)):
+            print(f"{settings.output}: finished before")
+            return 0
+    # Late: a sweep that has nothing to do waits for none of it, and only a training for Lightning.
+    from hilbertvae.commands.build import build_mappers
     from hilbertvae.reconstruction.reconstructor import Reconstructor
-    from hilbertvae.reconstruction.shipped import checkpoint_path
     from hilbertvae.reports.report import Report
     from hilbertvae.training.scoring import needs_training, score
-    from hilbertvae.training.train import first_rank, train, training_hash
 
     mappers = build_mappers(settings.mapper)
-    data = settings.data
     sites = {**dict.fromkeys(data.train, "train"), data.validate: "validate", **dict.fromkeys(data.test, "test")}
     training = settings.checkpoint is None and (not mappers or needs_training(mappers))
     for reference in sites if training else data.test:
         settings.source().check(reference)
     reconstructor = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
-    # By what is in it, wherever it lies.
-    given = {"checkpoint": file_sha256(checkpoint_path(settings.checkpoint))} if settings.checkpoint else {}
-    config = asdict(settings)
-    tested = [settings.source().made_of(site) for site in data.test]
-    evaluated = {"mapper": settings.mapper, "evaluation": config["evaluation"], "test": tested, **given}
-    identity = {"version": hilbertvae.__version__, "training": training_hash(settings), **evaluated}
-    if not again and is_finished(settings.output, [site_name(site) for site in data.test], identity):
-        print(f"{settings.output}: finished before")
-        return 0
+    config, identity = asdict(settings), _identity(settings)
     seeds = {"training": settings.seed, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
 
     def others():
@@ -97,12 +93,29 @@ def run(settings: Settings, again: bool = True) -> int:
                 if role != "test":
                     yield open_site(site, settings.resolution_m, settings.source()), role
 
-    write = Report(settings.output, config, identity, seeds, site_hashes(list(sites)) | given, others, settings.pictures)
+    hashes = site_hashes(list(sites)) | _given(settings)
+    write = Report(settings.output, config, identity, seeds, hashes, others, settings.pictures)
     if training:
+        from hilbertvae.training.train import first_rank, train
+
         train(settings, mappers, write)
+        if not first_rank():
+            return 0
     else:
         score(settings, mappers, reconstructor, write)
-    return write.close() if first_rank() else 0
+    return write.close()
+
+
+def _identity(settings: Settings) -> dict:
+    """What can change a run's numbers, by contents wherever they lie; hashed, it tells a finished run."""
+    tested = [settings.source().made_of(site) for site in settings.data.test]
+    evaluated = {"mapper": settings.mapper, "evaluation": asdict(settings.evaluation), "test": tested, **_given(settings)}
+    return {"version": hilbertvae.__version__, "training": training_hash(settings), **evaluated}
+
+
+def _given(settings: Settings) -> dict[str, str]:
+    """The hash of the network that a run takes instead of training one, if it does."""
+    return {"checkpoint": file_sha256(checkpoint_path(settings.checkpoint))} if settings.checkpoint else {}
 
 
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")

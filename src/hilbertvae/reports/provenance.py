@@ -10,8 +10,6 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
-import torch
-
 from hilbertvae.files import hash_of
 
 PACKAGES = (
@@ -34,6 +32,8 @@ def provenance(
     config: the resolved settings as plain containers. identity: the part of them that can change numbers (not paths, launcher, device),
     which is hashed; all of them unless given. data: sha256 by file name. seeds: by what they seed. seconds: wall time by stage.
     """
+    import torch  # late: who only reads result files does not wait for it
+
     return {
         "config": without_folders(config),
         "config_hash": hash_of(config if identity is None else identity),

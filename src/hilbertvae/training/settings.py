@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import RESOLUTION_M
 from hilbertvae.clusters.comparison import StudySettings
+from hilbertvae.files import hash_of, path_sha256
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.training_grids import ClusteringSettings
 from hilbertvae.reconstruction.augmentation import AugmentationSettings
@@ -22,6 +23,10 @@ from hilbertvae.site import SIMULATED, SiteSource, site_name
 from hilbertvae.training.optimizers import OPTIMIZERS
 
 TASKS = ("maps", "clustering")
+AFTERWARDS = (
+    "name", "task", "case", "size", "output", "study", "mapper", "evaluation", "pictures", "checkpoint", "trained", "scoring_processes",
+)  # fmt: skip
+"""Keys of what is done with a trained network, or where."""
 PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed", "bf16-true", "64-true")
 
 
@@ -49,6 +54,8 @@ class DataSettings:
     """Fetch real sites that are not there."""
     cache: str = "outputs/cache"
     """Where training grids are kept, under the hash of what made them."""
+    processes: int = 0
+    """How many cluster sites at a time; 0: one per core."""
 
 
 @dataclass
@@ -150,6 +157,8 @@ class Settings:
         check_positive(self.resolution_m, "resolution_m")
         if self.task not in TASKS:
             raise InputError(f"task: expected one of {', '.join(TASKS)}, got {self.task!r}")
+        if not 0 <= self.seed < 2**32:
+            raise InputError(f"seed: expected a whole number from 0 to {2**32 - 1}, got {self.seed}")
         self.grid.check()
         self.study.check()
         self.evaluation.check()
@@ -176,6 +185,8 @@ class Settings:
         for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids"):
             check_positive(getattr(self.trainer, key), f"trainer.{key}")
         check_positive(self.scoring_processes, "scoring_processes")
+        if self.data.processes < 0:
+            raise InputError(f"data.processes: expected a whole number from 0 on, got {self.data.processes}")
         check_positive(self.validation_gap_m, "validation_gap_m")
         if self.flips not in (None, 1, 2, 4, 8):
             raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips}")
@@ -186,3 +197,20 @@ class Settings:
 def _place(reference: str) -> str:
     """One word for all spellings of a path; other references are such words."""
     return str(Path(reference).resolve()) if is_scan_path(reference) else reference
+
+
+def training_hash(settings: Settings) -> str:
+    """The hash of what can change a trained network: not of paths, devices, or what is scored afterwards."""
+    made_of = asdict(settings)
+    source = settings.source()
+    paths = [site for site in (*settings.data.train, settings.data.validate) if is_scan_path(site) and Path(site).exists()]
+    if settings.trainer.initial:
+        made_of["trainer"]["initial"] = path_sha256(settings.trainer.initial)
+    made_of["contents"] = [source.made_of(site) for site in paths]  # the same path may hold other scans when a run goes on
+    for key in AFTERWARDS:
+        made_of.pop(key)
+    for key in ("folder", "download", "cache", "processes", "test"):
+        made_of["data"].pop(key)
+    for key in ("accelerator", "strategy"):
+        made_of["trainer"].pop(key)
+    return hash_of(made_of)

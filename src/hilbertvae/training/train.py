@@ -7,7 +7,6 @@ import logging
 import os
 import shutil
 import warnings
-from dataclasses import asdict
 from pathlib import Path
 
 import lightning as L
@@ -19,21 +18,17 @@ from lightning.pytorch.plugins.io import TorchCheckpointIO
 
 import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.files import atomic, hash_of, path_sha256, write_json
+from hilbertvae.files import atomic, hash_of, write_json
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.precision import fast_type
-from hilbertvae.scans.formats import is_scan_path
-from hilbertvae.training.grids_datamodule import GRID_SOURCES, GridsDataModule, code_hash
+from hilbertvae.training.grids_datamodule import GridsDataModule
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
+from hilbertvae.training.kept_grids import GRID_SOURCES, code_hash
 from hilbertvae.training.kept_network import KeptNetwork
 from hilbertvae.training.reconstruction_module import ReconstructionModule
 from hilbertvae.training.scoring import Writer, score
-from hilbertvae.training.settings import Settings
+from hilbertvae.training.settings import Settings, training_hash
 
-AFTERWARDS = (
-    "name", "task", "case", "size", "output", "study", "mapper", "evaluation", "pictures", "checkpoint", "trained", "scoring_processes",
-)  # fmt: skip
-"""Keys of what is done with a trained network, or where."""
 BEST = {"monitor": "val/gap_nll", "mode": "min"}
 DISTRIBUTED = ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_PORT")
 """What Lightning leaves in the environment after a distributed training. The next one in this process, a job of the same multirun, would
@@ -46,23 +41,6 @@ class AtomicCheckpoints(TorchCheckpointIO):
     def save_checkpoint(self, checkpoint, path, storage_options=None) -> None:
         with atomic(path) as temporary:
             super().save_checkpoint(checkpoint, temporary, storage_options)
-
-
-def training_hash(settings: Settings) -> str:
-    """The hash of what can change a trained network: not of paths, devices, or what is scored afterwards."""
-    made_of = asdict(settings)
-    source = settings.source()
-    paths = [site for site in (*settings.data.train, settings.data.validate) if is_scan_path(site) and Path(site).exists()]
-    if settings.trainer.initial:
-        made_of["trainer"]["initial"] = path_sha256(settings.trainer.initial)
-    made_of["contents"] = [source.made_of(site) for site in paths]  # the same path may hold other scans when a run goes on
-    for key in AFTERWARDS:
-        made_of.pop(key)
-    for key in ("folder", "download", "cache", "test"):
-        made_of["data"].pop(key)
-    for key in ("accelerator", "strategy"):
-        made_of["trainer"].pop(key)
-    return hash_of(made_of)
 
 
 def kept_name(settings: Settings) -> str:
