@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from hilbertvae.checks import InputError
+from hilbertvae.mappers.given_map import read_given_map
 from hilbertvae.observed_map import CELL_WEIGHT, cloud_of_cells, read_ros_map
 
 HEADER = {"image": "map.pgm", "resolution": "0.5", "origin": "[0, 0, 0]", "negate": "0", "occupied_thresh": "0.65", "free_thresh": "0.196"}
@@ -214,3 +215,9 @@ def test_damaged_files_are_refused_or_read(data, tmp_path_factory):
         assert "map." in str(error) or str(folder) in str(error)
         return
     assert np.isfinite(cloud.points).all() and len(cloud) == len(cloud.occupied) == len(cloud.weight) > 0
+
+
+def test_cells_of_fifty_metres_are_doubted(tmp_path):
+    path = write_map(tmp_path, [[0, 254]], resolution="50")
+    with pytest.warns(UserWarning, match="has cells of 50 m; are they in millimetres"):
+        assert read_given_map(path).cell_m == 50

@@ -99,6 +99,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         dimension = source.dimension
         del source  # a long drive's returns take much of the memory
         clock.start("complete grids" if settings.fill else "gather evidence")
+        mapper.progress = clock.share
         mapper.fit(cloud.points, cloud.occupied, cloud.weight)
         clock.start("ask each cell")
         reach_m = min(REACH_M, SIDE[dimension] * fine_m)

@@ -105,6 +105,13 @@ def test_query_answers_as_the_map_does(mapped, tmp_path, capsys):
         np.testing.assert_array_equal(said["points"], np.loadtxt(tmp_path / "asked.txt"))
 
 
+def test_progress_is_told_by_stage_and_share(room, tmp_path):
+    said = []
+    make_map(MapSettings(scans=str(npz_of(room, tmp_path / "room.npz")), output=str(tmp_path / "out"), exports=["npz"]), said.append)
+    assert [line for line in said if "%" not in line] == ["read", "label points", "complete grids", "ask each cell", "write"]
+    assert {"complete grids, 100 %", "ask each cell, 100 %"} <= set(said)
+
+
 def test_without_filling_nothing_is_predicted(room, tmp_path):
     scans = npz_of(room, tmp_path / "room.npz")
     output = make_map(MapSettings(scans=str(scans), output=str(tmp_path / "out"), fill=False, exports=["npz"]))
@@ -137,11 +144,12 @@ def test_a_map_is_filled_from_a_map(mapped, tmp_path):
     assert np.mean(agree) > 0.97 and len(agree) > 0.9 * len(seen)
 
 
-def test_a_coarser_map_keeps_its_walls(room, tmp_path):
+@pytest.mark.parametrize("fill", [False, True])
+def test_a_coarser_map_keeps_its_walls(room, tmp_path, fill):
     scans = npz_of(room, tmp_path / "room.npz")
     maps = {}
     for resolution_m in (None, 0.3):
-        settings = MapSettings(scans=str(scans), output=str(tmp_path / str(resolution_m)), fill=False, exports=["npz"])
+        settings = MapSettings(scans=str(scans), output=str(tmp_path / str(resolution_m)), fill=fill, exports=["npz"])
         settings.resolution_m = resolution_m
         maps[resolution_m] = read_grid(make_map(settings) / "map.npz")
     assert maps[0.3].resolution_m == 0.3

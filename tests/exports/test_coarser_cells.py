@@ -22,14 +22,14 @@ def some_cells(dimension, seed, count=120):
 @pytest.mark.parametrize("dimension", [2, 3])
 @given(seed=st.integers(0, 1000), resolution_m=st.sampled_from([0.2, 0.3, 0.25, 0.1001, 1.0, 7.0]))
 @settings(max_examples=30, deadline=None)
-def test_of_those_that_become_one_the_likeliest_that_was_seen(dimension, seed, resolution_m):
+def test_of_those_that_become_one_an_occupied_one_then_one_that_was_seen_then_the_likeliest(dimension, seed, resolution_m):
     cells = some_cells(dimension, seed)
     found = cells.coarser(resolution_m)
     expected: dict = {}
     ratio = Fraction("0.1") / Fraction(str(resolution_m))
     for k, index in enumerate(cells.index.tolist()):
         key = tuple(math.floor((i + Fraction(1, 2)) * ratio) for i in index)
-        rank = (bool(cells.observed[k]), float(cells.probability[k]))
+        rank = (cells.probability[k] > 0.6, bool(cells.observed[k]), float(cells.probability[k]))
         if key not in expected or rank > expected[key][0]:
             expected[key] = rank, k
     assert {tuple(index) for index in found.index.tolist()} == set(expected)
@@ -47,6 +47,12 @@ def test_whole_factors_join_whole_cells():
     np.testing.assert_array_equal(np.sort(found.index[:, 0]), np.arange(27_160_500, 27_160_550))
     assert set(found.index[:, 1]) == {-4}
     np.testing.assert_array_equal(np.sort(found.probability), cells.probability[1::2])
+
+
+def test_a_predicted_wall_outlasts_the_free_cell_before_it():
+    cells = MapCells(np.array([[4, 6], [5, 6]]), 0.1, np.array([0.9, 0.02]), np.zeros(2), np.array([False, True]))
+    joined = cells.joined(2)
+    assert joined.occupied.tolist() == [True] and joined.observed.tolist() == [False]
 
 
 def test_the_same_resolution_changes_nothing():

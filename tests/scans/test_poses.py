@@ -24,13 +24,21 @@ def test_kitti_and_tum_say_the_same(tmp_path):
     np.testing.assert_allclose(read_poses(path), poses, rtol=0, atol=1e-12)
 
 
+def test_poses_in_the_plane(tmp_path):
+    (tmp_path / "poses.txt").write_text("1 2 0.5\n-3 4 -2.5\n")
+    expected = [Rotation.from_euler("z", heading).as_matrix() for heading in (0.5, -2.5)]
+    found = read_poses(tmp_path / "poses.txt")
+    np.testing.assert_allclose(found[:, :, :3], expected, atol=1e-15)
+    np.testing.assert_array_equal(found[:, :, 3], [[1, 2, 0], [-3, 4, 0]])
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "expected poses, found none"),
         ("# nothing\n", "expected poses, found none"),
         (LINE + "1 0 0 5 0 1 0 6 0 0 1\n", "line 2: expected 12 numbers, got 11"),
-        ("1 0 0\n", "line 1: expected 12 or 8 numbers, got 3"),
+        ("1 0\n", "line 1: expected 12, 8 or 3 numbers, got 2"),
         (LINE + "0 1 2 3 0 0 0 1\n", "line 2: expected 12 numbers, got 8"),
         (LINE + "\n" + LINE.replace("6", "six"), "line 3: expected numbers"),
         (LINE + LINE.replace("6", "nan"), "line 2: expected finite numbers"),

@@ -77,12 +77,37 @@ def test_a_bad_scan_and_a_bad_pose_are_named(tmp_path):
         read_scan_folder(tmp_path)
 
 
-def test_files_that_are_not_one_3d_scan(tmp_path):
-    write_drive(tmp_path, [POINTS[:, :2]], random_poses(1), "{}.npz", write_npz)
-    with pytest.raises(InputError, match="0.npz: expected one scan of 3D points"):
-        read_scan_folder(tmp_path)
+def test_files_that_are_not_one_scan(tmp_path):
+    write_drive(tmp_path, [POINTS], random_poses(1), "{}.npz", write_npz)
     write_npz(tmp_path / "0.npz", scan=np.arange(len(POINTS)) % 2)
-    with pytest.raises(InputError, match="0.npz: expected one scan of 3D points"):
+    with pytest.raises(InputError, match="0.npz: expected one scan, since"):
+        read_scan_folder(tmp_path)
+
+
+def test_planar_scans_stay_in_the_plane(tmp_path):
+    """As a robot has them: two coordinates, and poses of x, y and heading."""
+    headings, places = np.array([0.3, -2.0]), np.array([[1.0, 2.0], [-3.0, 0.5]])
+    write_drive(tmp_path, [POINTS[:, :2], POINTS[:40, :2]], random_poses(2), "{}.npz", write_npz)
+    (tmp_path / "poses.txt").write_text("".join(f"{x} {y} {turn}\n" for (x, y), turn in zip(places, headings, strict=True)))
+    found = read_scan_folder(tmp_path)
+    assert found.dimension == 2 and np.bincount(found.scan).tolist() == [len(POINTS), 40]
+    for scan, (turn, place) in enumerate(zip(headings, places, strict=True)):
+        cos, sin = np.cos(turn), np.sin(turn)
+        expected = [[cos * x - sin * y + place[0], sin * x + cos * y + place[1]] for x, y in POINTS[: (len(POINTS), 40)[scan], :2]]
+        np.testing.assert_allclose(found.points[found.scan == scan], expected, atol=1e-12)
+        np.testing.assert_allclose(found.origins[found.scan == scan], np.broadcast_to(place, (len(expected), 2)), atol=1e-12)
+
+
+def test_planar_scans_that_make_no_plan(tmp_path):
+    write_drive(tmp_path, [POINTS[:, :2]], random_poses(1), "{}.npz", write_npz)
+    (tmp_path / "poses.txt").write_text("1 0 0 0 0 0 -1 0 0 1 0 0\n")
+    with pytest.raises(InputError, match="pose 1: expected less than 15 degrees of tilt"):
+        read_scan_folder(tmp_path)
+    with pytest.raises(InputError, match="0.npz: expected 3D points to find poses from, got 2D ones"):
+        read_scan_folder(tmp_path, poses="kiss_icp")
+    write_drive(tmp_path, [POINTS[:, :2], POINTS], random_poses(2), "{}.npz", write_npz)
+    (tmp_path / "poses.txt").write_text("0 0 0\n0 0 0\n")
+    with pytest.raises(InputError, match="1.npz: expected 2D points as in 0.npz, got 3D ones"):
         read_scan_folder(tmp_path)
 
 

@@ -121,14 +121,14 @@ class MapCells:
 
     def coarser(self, resolution_m: float) -> MapCells:
         """The cells on a lattice of `resolution_m`: of those whose centres fall into one, the likeliest to be occupied, so that thin walls
-        stay. What was observed wins over what was predicted: a cell counts as predicted only where nothing in it was seen.
+        stay, predicted ones too. Of two occupied ones, or two that are not, one that was observed wins over one that was predicted.
         """
         if abs(check_positive(resolution_m, "resolution_m") / self.resolution_m - 1) < 1e-9:
             return self
         # In whole numbers: far from the origin rounding would decide on which side of a plane of the lattice a centre lies.
         ratio = Fraction(float(self.resolution_m / resolution_m)).limit_denominator(10**6)
         index = (2 * self.index + 1) * ratio.numerator // (2 * ratio.denominator)
-        order = np.lexsort([-self.probability, ~self.observed, *index.T])
+        order = np.lexsort([-self.probability, ~self.observed, ~self.occupied, *index.T])
         new = np.ones(len(order), bool)
         new[1:] = (np.diff(index[order], axis=0) != 0).any(axis=1)
         kept = order[new]

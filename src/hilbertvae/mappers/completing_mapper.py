@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hilbertvae.checks import InputError
@@ -20,6 +22,8 @@ class CompletingMapper(Mapper):
     """Base of `GrowingMapper`. `adapted_` is the network after it learned from the site, or None; a loaded map has none."""
 
     adapted_: Reconstructor | None = None
+    progress: Callable[[int, int], None] | None = None
+    """Called while grids are completed, with how many are done, and how many there are; no setting, since it changes nothing."""
 
     def _check_network(self, dimension: int) -> None:
         if self.reconstructor is not None and self.reconstructor.dimension != dimension:
@@ -31,7 +35,9 @@ class CompletingMapper(Mapper):
 
     def _complete(self, grids: np.ndarray) -> Completion:
         network = self.adapted_ or self.reconstructor
-        return Completion(grids, None) if network is None else network.complete(grids, self.flips_, device=self.device)
+        if network is None:
+            return Completion(grids, None)
+        return network.complete(grids, self.flips_, device=self.device, progress=self.progress)
 
     def _check_adaptation(self) -> None:
         steps = self.adapt_steps

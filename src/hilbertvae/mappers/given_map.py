@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,8 @@ from hilbertvae.scans.file_points import named
 
 ROS_MAPS = (".yaml", ".yml", ".pgm")
 OCTREES = (".ot", ".bt")
+LARGEST_CELL_M = 5.0
+"""No robot's map has larger cells; one in millimetres has."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +36,23 @@ def is_given_map(path: str | os.PathLike) -> bool:
 
 
 def read_given_map(path: str | os.PathLike) -> GivenMap:
-    """The map at a path. Raises `InputError` for a file that is missing or damaged; a ROS map's image is read by `cloud`."""
-    if Path(path).suffix.lower() in OCTREES:
-        mapper = read_octree(path)
+    """The map at a path, with a `UserWarning` for cells that can't be in metres. Raises `InputError` for a file that is missing or
+    damaged; a ROS map's image is read by `cloud`."""
+    found = _octree(path) if Path(path).suffix.lower() in OCTREES else _ros_map(path)
+    if found.cell_m > LARGEST_CELL_M:
+        warnings.warn(f"{path}: has cells of {found.cell_m:g} m; are they in millimetres?", stacklevel=3)
+    return found
 
-        def cloud(resolution_m: float) -> Cloud:
-            with named(path):
-                return octree_cloud(mapper, resolution_m)
 
-        return GivenMap(len(mapper.shift_), mapper.resolution_, cloud)
+def _octree(path: str | os.PathLike) -> GivenMap:
+    mapper = read_octree(path)
+
+    def cloud(resolution_m: float) -> Cloud:
+        with named(path):
+            return octree_cloud(mapper, resolution_m)
+
+    return GivenMap(len(mapper.shift_), mapper.resolution_, cloud)
+
+
+def _ros_map(path: str | os.PathLike) -> GivenMap:
     return GivenMap(2, ros_map_cell_m(path), lambda resolution_m: read_ros_map(path, resolution_m))

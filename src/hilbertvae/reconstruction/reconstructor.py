@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -62,8 +63,18 @@ class Reconstructor:
         """Whether the network is shown grids as `bin_detailed` makes them, and not labels alone."""
         return is_detailed(self.network_settings)
 
-    def complete(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> Completion:
-        """What the network makes of int8 `grids`, as `bin_shown` makes them: the mean over `flips` symmetries (1, 2, 4 or 8)."""
+    def complete(
+        self,
+        grids: np.ndarray,
+        flips: int = 4,
+        batch: int = 64,
+        device: str = "cpu",
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Completion:
+        """What the network makes of int8 `grids`, as `bin_shown` makes them: the mean over `flips` symmetries (1, 2, 4 or 8).
+
+        `progress` is called after each batch with how many grids are done, and how many there are.
+        """
         network = self.network.eval().to(device)
         kernel_value = LIKELIHOODS[self.likelihood.kind].kernel_value
         chosen = symmetries(self.dimension)[:flips]
@@ -80,6 +91,8 @@ class Reconstructor:
                     share = sum(undo(torch.sigmoid(given.known.float()), s) for s, given in found) / flips
                     seen = labels_of(shown, self.dimension) != 0
                     known[portion] = torch.where(seen, 255, torch.round(255 * share)).to(torch.uint8).cpu().numpy()
+                if progress:
+                    progress(min(start + batch, len(grids)), len(grids))
         return Completion(value, known)
 
     def reconstruct(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> np.ndarray:

@@ -60,6 +60,6 @@ class RecordedNetwork:
     def detailed(self) -> bool:
         return self.found.detailed
 
-    def complete(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> Completion:
+    def complete(self, grids: np.ndarray, *how, **named) -> Completion:
         """As `Reconstructor.complete`."""
-        return self.found.complete(grids, flips, batch, device)
+        return self.found.complete(grids, *how, **named)

@@ -20,6 +20,7 @@ from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range,
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.file_points import check_reading, extra_module, named, reading
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
+from hilbertvae.scans.poses import MOST_TILT_DEG, leans
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
 
@@ -27,8 +28,6 @@ FIXED = {*FIXED_FRAMES, "world", "earth", "camera_init"}
 """Frames that stand still, the last one LOAM's."""
 BAG_FILES = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
-MOST_TILT_DEG = 15.0
-"""A planar laser that leans further, on a tilting unit or a fallen robot, does not see the plan of a place."""
 
 
 def is_bag(path: str | os.PathLike) -> bool:
@@ -88,7 +87,7 @@ def read_bag(
             seen += 1
             if pose is None:
                 continue
-            if is_flat and pose[2, 2] ** 2 < np.cos(np.deg2rad(MOST_TILT_DEG)) ** 2:
+            if is_flat and leans(pose):
                 tilted += 1
                 continue
             frames.add(message.header.frame_id.lstrip("/"))

@@ -1,4 +1,5 @@
-"""Readers of `poses.txt`, one pose a line in KITTI's (12 numbers) or TUM's form (8 numbers), and of KITTI's `calib.txt`."""
+"""Readers of `poses.txt`, one pose a line in KITTI's (12 numbers) or TUM's form (8 numbers), or in the plane (3 numbers), and of KITTI's
+`calib.txt`."""
 
 from __future__ import annotations
 
@@ -14,6 +15,10 @@ from hilbertvae.scans.quaternions import rotation_matrices
 
 RIGID = 1e-3
 """How far R R^T may be from 1, and a quaternion's length from 1: files are written with 6 digits and fewer."""
+WIDTHS = (12, 8, 3)
+"""How many numbers a line may have."""
+MOST_TILT_DEG = 15.0
+"""A planar laser that leans further, on a tilting unit or a fallen robot, does not see the plan of a place."""
 FARTHEST_M = 1e9
 """No place on Earth is as far from the origin of any frame; beyond, float64 loses the millimetre."""
 
@@ -21,26 +26,27 @@ FARTHEST_M = 1e9
 def read_poses(path: str | os.PathLike) -> np.ndarray:
     """(S, 3, 4) float64: rotation and translation in metres that take scan k from the sensor frame to the map frame.
 
-    A line is a 3 x 4 matrix row by row, or `t x y z qx qy qz qw`; all lines are of one kind. Empty lines and those that start with #
-    are passed over. Raises `InputError` with the line's number for anything else, and for a matrix or quaternion that is no rotation.
+    A line is a 3 x 4 matrix row by row, `t x y z qx qy qz qw`, or `x y heading` with the heading in radians from the x axis; all lines
+    are of one kind. Empty lines and those that start with # are passed over. Raises `InputError` with the line's number for anything
+    else, and for a matrix or quaternion that is no rotation.
     """
     path = Path(path)
     poses, width = [], None
-    with reading(path, "poses, 12 numbers a line (or 8, as TUM writes them)"), open(path, "rb") as file:
+    with reading(path, "poses, 12 numbers a line (or 8, as TUM writes them; or 3, x y heading)"), open(path, "rb") as file:
         for number, line in enumerate(file, start=1):
             fields = line.split()
             if not fields or fields[0].startswith(b"#"):
                 continue
             where, width = f"{path}, line {number}", width or len(fields)
-            if len(fields) not in (8, 12) or len(fields) != width:
-                raise InputError(f"{where}: expected {width if width in (8, 12) else '12 or 8'} numbers, got {len(fields)}")
+            if len(fields) not in WIDTHS or len(fields) != width:
+                raise InputError(f"{where}: expected {width if width in WIDTHS else '12, 8 or 3'} numbers, got {len(fields)}")
             try:
                 values = np.array(fields, dtype=np.float64)
             except ValueError as error:
                 raise InputError(f"{where}: expected numbers ({error})") from error
             if not np.isfinite(values).all():
                 raise InputError(f"{where}: expected finite numbers, got {values.tolist()}")
-            pose = values.reshape(3, 4) if width == 12 else _from_quaternion(where, values)
+            pose = values.reshape(3, 4) if width == 12 else _from_quaternion(where, values) if width == 8 else _in_plane(*values)
             _check(where, pose)
             poses.append(pose)
     if not poses:
@@ -79,6 +85,11 @@ def lidar_poses(camera_poses: np.ndarray, lidar_to_camera: np.ndarray) -> np.nda
     return (np.linalg.inv(calibration) @ square @ calibration)[:, :3]
 
 
+def leans(pose: np.ndarray) -> bool:
+    """Whether a planar laser under a pose (3, 4) leans more than `MOST_TILT_DEG`, upside down or not."""
+    return pose[2, 2] ** 2 < math.cos(math.radians(MOST_TILT_DEG)) ** 2
+
+
 def _check(where: str, pose: np.ndarray) -> None:
     rotation, place = pose[:, :3], pose[:, 3]
     # Entries beyond 2 come first: their squares may overflow.
@@ -93,3 +104,8 @@ def _from_quaternion(where: str, values: np.ndarray) -> np.ndarray:
     if abs(length - 1) > RIGID:
         raise InputError(f"{where}: expected a rigid motion, the quaternion has length {length:.6g}")
     return np.column_stack([rotation_matrices(values[4:] / length), values[1:4]])
+
+
+def _in_plane(x: float, y: float, heading: float) -> np.ndarray:
+    cos, sin = math.cos(heading), math.sin(heading)
+    return np.array([[cos, -sin, 0.0, x], [sin, cos, 0.0, y], [0.0, 0.0, 1.0, 0.0]])

@@ -18,7 +18,7 @@ from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.file_points import check_reading, named, reading
 from hilbertvae.scans.odometry import FINDING, KISS_ICP, KissOdometry, check_poses_choice
 from hilbertvae.scans.point_files import READERS, read_points
-from hilbertvae.scans.poses import lidar_poses, read_poses
+from hilbertvae.scans.poses import MOST_TILT_DEG, leans, lidar_poses, read_poses
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
 
@@ -36,7 +36,8 @@ def read_scan_folder(
 ) -> Scans:
     """The scans of a folder, in the order of their names: a number counts as a number, so 2.pcd stands before 10.pcd.
 
-    Each file is in its sensor's frame, and the pose of the same place in `poses.txt` (see `read_poses`) takes it to the map frame.
+    Each file is in its sensor's frame, and the pose of the same place in `poses.txt` (see `read_poses`) takes it to the map frame; of
+    files of two coordinates, the frame's x and y are kept.
     Beams start where the file says, else where `beam_origin` says: a name of `BEAM_ORIGINS`, or three numbers in metres, sensor frame.
     Ranges as in `read_point_file`; `every` keeps each so many-th scan. Kept scans are numbered from 0, beams by their place in the file.
     With `poses="kiss_icp"` poses are found by odometry (see `KissOdometry`) and `poses.txt`, if there is one, is not read.
@@ -78,7 +79,7 @@ def read_posed_scans(
     beam_origins = find_beam_origins(beam_origin)
     given = _given_poses(files, poses_path, lidar_to_camera) if poses is None else None
     odometry, unit = KissOdometry(), UnitCheck()
-    kept, empty = ScanCollector(), 0
+    kept, empty, dimension = ScanCollector(), 0, 0
     # Odometry goes from scan to scan, so it sees those too that are left out.
     taken = range(0, len(files), every) if poses is None else track(range(len(files)), FINDING)
     for index in taken:
@@ -86,10 +87,15 @@ def read_posed_scans(
         if not len(found.points):
             empty += 1
             continue
-        if found.points.shape[1] != 3 or (found.scan is not None and len(np.unique(found.scan)) > 1):
-            raise InputError(f"{files[index]}: expected one scan of 3D points, since a folder has one 3D pose for each file")
-        points = without_zeros(found.points) if found.origins is None else found.points
-        start = beam_origins(points) if found.origins is None else np.broadcast_to(found.origins, points.shape)
+        if found.scan is not None and len(np.unique(found.scan)) > 1:
+            raise InputError(f"{files[index]}: expected one scan, since a folder has one pose for each file")
+        dimension = dimension or found.points.shape[1]
+        if found.points.shape[1] != dimension or (dimension == 2 and poses is not None):
+            wanted = "to find poses from" if poses is not None else f"as in {files[taken[0]].name}"
+            raise InputError(f"{files[index]}: expected {5 - found.points.shape[1]}D points {wanted}, got {found.points.shape[1]}D ones")
+        found_points = _in_space(found.points)
+        points = without_zeros(found_points) if found.origins is None else found_points
+        start = beam_origins(points) if found.origins is None else np.broadcast_to(_in_space(found.origins), points.shape)
         lengths = beam_lengths(points, start)
         unit.see(lengths)
         chosen = np.flatnonzero(within_range(lengths, min_range_m, max_range_m))
@@ -97,7 +103,9 @@ def read_posed_scans(
             pose = odometry.register(points[chosen]) if given is None else given[index]
         if index % every:
             continue
-        kept.add(points, start, chosen, pose)
+        if dimension == 2 and leans(pose):
+            raise InputError(f"{poses_path}, pose {index + 1}: expected less than {MOST_TILT_DEG:.0f} degrees of tilt under a 2D scan")
+        kept.add(points, start, chosen, pose, dimension)
     if empty:
         warnings.warn(f"{files[0].parent}: {empty} of {len(taken)} scans have no return and are left out", stacklevel=3)
     unit.warn(files[0].parent)
@@ -106,6 +114,11 @@ def read_posed_scans(
         found = f"found none in {len(kept)} scans{unit.hint(max_range_m)}"
         raise InputError(f"{files[0].parent}: expected beams of {min_range_m} to {max_range_m} m, {found}")
     return kept.whole()
+
+
+def _in_space(points: np.ndarray) -> np.ndarray:
+    """(N, 3) or (3,): points of two coordinates at height 0."""
+    return points if points.shape[-1] == 3 else np.concatenate([points, np.zeros_like(points[..., :1])], axis=-1)
 
 
 def _given_poses(files: list[Path], poses_path: Path, lidar_to_camera: np.ndarray | None) -> np.ndarray:
