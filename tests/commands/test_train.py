@@ -190,6 +190,8 @@ class TestErrors:
             (["data.simulated=1", "evaluation.gap_seeds=[]"], "evaluation.gap_seeds"),
             (["data.simulated=1", "trainer.kl_warmup_share=0.1"], "trainer.kl_warmup_share"),
             (["data.simulated=1", "dimension=4"], "dimension"),
+            (["data.simulated=1", "seed=-1"], "seed"),
+            (["data.simulated=1", "data.processes=-1"], "data.processes"),
         ],
     )
     def test_a_value_that_makes_no_run_names_its_key(self, overrides, key):
