@@ -11,7 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hilbertvae.checks import InputError
+from hilbertvae.commands.query import main as query
 from hilbertvae.mappers.octomap_mapper import OctoMapMapper, read_octree, write_octree
+from hilbertvae.mappers.saved_map import load_map
 
 
 def solid_room(dimension, offset_m=0.0):
@@ -193,3 +195,14 @@ for path in sys.argv[1:]:
 """
     done = subprocess.run([sys.executable, "-c", program, *map(str, paths)], capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout.split()) == (0, ["refused"] * 2), done.stderr
+
+
+def test_load_map_and_the_query_command_read_it(tmp_path, capsys):
+    mapper, points = solid_room(3)
+    write_octree(mapper, tmp_path / "map.ot")
+    np.savetxt(tmp_path / "asked.txt", points[:5])
+    answers = load_map(tmp_path / "map.ot").predict_map(points[:5])
+    assert query([f"map={tmp_path / 'map.ot'}", f"points={tmp_path / 'asked.txt'}"]) == 0
+    said = [line.split(",") for line in capsys.readouterr().out.splitlines()[1:]]
+    np.testing.assert_allclose([float(line[3]) for line in said], answers, atol=6e-5)
+    assert {line[4] for line in said} == {"nan"} and {line[5] for line in said} == {"1"}

@@ -40,10 +40,12 @@ def test_pairwise_is_empty_without_a_network_or_without_rivals():
 
 
 def test_occlusion_shows_auc_and_nll_beside_the_base_rates():
-    region = {"auc": [0.6, 0.8], "nll": [0.3, 0.5], "base_rate_nll": [0.25, 0.35]}
-    table = occlusion_table(result_of({"nearest": {"voxels": {"occluded-half-0.5-1": region}}}))
+    region = {"auc": [0.6, 0.8], "nll": [0.3, 0.5], "base_rate_nll": [0.25, 0.35], "count": [9.0, 7.0]}
+    empty = {key: [0.0, 0.0] for key in region}
+    table = occlusion_table(result_of({"nearest": {"voxels": {"occluded-half-0.5-1": region, "occluded-half-1-2.5": empty}}}))
     assert "occluded-half-0.5-1" in table and "70.0" in table and "0.400" in table
-    assert "constant base rate" in table and "0.300" in table
+    assert "constant base rate" in table and "0.300" in table and "1-2.5" not in table
+    assert "The 2 gap seeds are 2 different choices of scans for occluded-sparse, and one for occluded-half." in table
 
 
 def test_occlusion_is_empty_where_it_was_not_scored():

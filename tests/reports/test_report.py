@@ -1,6 +1,7 @@
 """What is left of an evaluation in a folder."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,10 +9,19 @@ from reports_toys import reconstructor, room
 
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
-from hilbertvae.reports.report import Report
+from hilbertvae.reports.report import Report, scores_text
+from hilbertvae.reports.result_json import read_result
 from hilbertvae.scoring.protocol import Protocol, evaluate_all
 
 pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+COMMITTED = sorted((Path(__file__).parents[2] / "docs/results").rglob("scores.md"))
+
+
+@pytest.mark.parametrize("path", COMMITTED, ids=lambda path: "-".join(path.parts[-3:-1]))
+def test_committed_scores_are_what_the_committed_results_give(path):
+    assert path.read_text(encoding="utf-8") == scores_text(read_result(path.parent / "result.json")[0])
 
 
 class BrokenMap(HilbertMap):

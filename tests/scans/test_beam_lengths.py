@@ -21,6 +21,8 @@ def test_a_point_at_the_sensor_itself_is_no_return():
     points = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.1], [-0.0, 0.0, 0.0]])
     np.testing.assert_array_equal(np.isnan(without_zeros(points)).all(axis=1), [True, False, True])
     np.testing.assert_array_equal(without_zeros(points)[1], points[1])
+    np.testing.assert_array_equal(without_zeros(points, at_least=2), without_zeros(points))
+    np.testing.assert_array_equal(without_zeros(points, at_least=3), points)
 
 
 def test_too_long_beams_hint_at_their_unit():

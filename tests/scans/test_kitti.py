@@ -1,5 +1,7 @@
 import math
 import os
+import re
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +45,32 @@ def test_poses_of_a_camera_are_turned_into_the_lidar_s(tmp_path):
     scans = read_kitti(tmp_path)
     np.testing.assert_allclose(scans.points, [[10, 2, -1.7], [15, 2, -1.7]], atol=1e-6)
     np.testing.assert_allclose(scans.origins, [[0, 0, 0], [5, 0, 0]], atol=1e-6)
+
+
+def around_a_corner(step_m, camera):
+    """Poses of a car that goes ten steps, turns left and goes ten more; x ahead, or z for a camera."""
+    poses = np.tile(np.eye(4), (20, 1, 1))
+    for number in range(1, 20):
+        turn = math.pi / 2 if number == 10 else 0.0
+        cos, sin = math.cos(turn), math.sin(turn)
+        poses[number] = poses[number - 1] @ [[cos, -sin, 0, step_m], [sin, cos, 0, 0], [0, 0, 1, 0.05 * step_m], [0, 0, 0, 1]]
+    axes = np.eye(4)
+    axes[:3, :3] = [[0, -1, 0], [0, 0, -1], [1, 0, 0]]
+    return (axes @ poses @ axes.T if camera else poses)[:, :3]
+
+
+@pytest.mark.parametrize(("step_m", "camera", "warned"), [(2.0, True, True), (2.0, False, False), (0.1, True, False)])
+def test_a_camera_s_poses_without_a_calibration_are_told(tmp_path, step_m, camera, warned):
+    write_drive(tmp_path, [[[10.0, 2, -1.7]]] * 20, around_a_corner(step_m, camera), NAME)
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        read_kitti(tmp_path)
+    message = r"poses.txt: poses go up rather than ahead: are they the camera's\? Put KITTI's calib.txt beside them"
+    assert [bool(re.search(message, str(each.message))) for each in found] == [True] * warned
+    (tmp_path / "calib.txt").write_text("Tr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_kitti(tmp_path)
 
 
 @pytest.mark.parametrize("line", ["Tr: 1 2 3", "Tr: " + "x " * 12, "Tr: " + "2 " * 12])

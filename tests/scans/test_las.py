@@ -23,6 +23,22 @@ def test_utm_coordinates_keep_the_millimetre_and_agree_with_laspy(tmp_path, name
     np.testing.assert_array_equal(points, laspy.read(path).xyz)
 
 
+@KINDS
+@pytest.mark.parametrize(("point_format", "version"), [(0, "1.2"), (3, "1.2"), (6, "1.4"), (7, "1.4")])
+def test_withheld_points_are_left_out(tmp_path, name, point_format, version):
+    """And no others: not the synthetic, the key points, nor those of any class."""
+    laspy = pytest.importorskip("laspy")
+    las = laspy.read(write_las(tmp_path / name, POINTS, point_format=point_format, version=version))
+    las.withheld[[3, 4, 40]] = 1
+    las.synthetic[4:9], las.key_point[7:12] = 1, 1
+    las.classification[:] = np.arange(len(POINTS)) % 32
+    las.write(str(tmp_path / name))
+    points = read_las(tmp_path / name).points
+    assert np.flatnonzero(np.isnan(points).any(axis=1)).tolist() == [3, 4, 40]
+    kept = np.isfinite(points).all(axis=1)
+    np.testing.assert_array_equal(points[kept], las.xyz[kept])
+
+
 def test_many_chunks(tmp_path):
     points = np.random.default_rng(0).normal(0, 20, (120_000, 3))
     np.testing.assert_allclose(read_las(write_las(tmp_path / "a.laz", points)).points, points, rtol=0, atol=0.000501)

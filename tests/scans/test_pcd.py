@@ -42,6 +42,29 @@ def test_other_fields_and_two_dimensions(tmp_path):
     np.testing.assert_array_equal(found.origins, [4, 5, 6])
 
 
+OLD = {"COUNT": None, "VIEWPOINT": None}
+
+
+@pytest.mark.parametrize("changed", [OLD, OLD | {"VERSION": ".5"}, OLD | {"VERSION": "0.6"}, {"VERSION": ".6"}, {"COUNT": None}])
+@ENCODINGS
+def test_versions_without_count(tmp_path, encoding, changed):
+    points = np.tile(POINTS[:5], (12, 1))  # pypcd4 packs only what gets shorter
+    new = write_pcd(tmp_path / "b.pcd", points, encoding).read_bytes()
+    assert f"DATA {encoding}\n".encode() in new
+    data = new[new.index(b"DATA") :].split(b"\n", 1)[1]
+    path = write(tmp_path, data, WIDTH="60", POINTS="60", DATA=encoding, **changed)
+    np.testing.assert_array_equal(read_pcd(path).points, points)
+
+
+def test_a_viewpoint_and_gaps_without_count(tmp_path):
+    path = write(
+        tmp_path, b"7 1 2 3\n8 4 5 6\n", FIELDS="_ x y z", SIZE="4 4 4 4", TYPE="F F F F", COUNT=None, VIEWPOINT="4 5 1e-5 1 0 0 0"
+    )
+    found = read_pcd(path)
+    np.testing.assert_array_equal(found.points, [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(found.origins, [4, 5, 1e-5])
+
+
 PACKED = {"DATA": "binary_compressed"}
 
 
@@ -62,6 +85,11 @@ PACKED = {"DATA": "binary_compressed"}
         (b"1 2 3\n4 5 6\n", {"WIDTH": None}, "can't be read as a PCD file"),
         (b"1 2 3\n4 5 6\n", {"DATA": "tape"}, "can't be read as a PCD file"),
         (bytes(23), {"DATA": "binary"}, "the header's points need 24 bytes, 23 are there"),
+        (bytes(23), {"DATA": "binary", "COUNT": None}, "the header's points need 24 bytes, 23 are there"),
+        (b"1 2 3\n", {"COUNT": None}, "truncated"),
+        (b"1 2 3\n4 5 6\n", {"COUNT": None, "SIZE": "4 4"}, "of one length"),
+        (b"1 2 3\n4 5 6\n", {"VERSION": "0.4"}, "can't be read as a PCD file"),
+        (b"1 2 3\n4 5 6\n", {"COUNT": None, "FIELDS": " ".join(["x"] * 1025)}, "of one length"),
         (bytes(7), PACKED, "need 8 bytes, 7 are there"),
         (struct.pack("<II", 9, 24) + bytes(8), PACKED, "the packed points need 9 bytes, 8 are there"),
         (struct.pack("<II", 8, 25) + bytes(8), PACKED, "take 24 bytes, the packed ones claim 25"),

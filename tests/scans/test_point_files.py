@@ -194,3 +194,22 @@ def test_bad_options_are_named(tmp_path, options):
 def test_an_unknown_extension(tmp_path):
     with pytest.raises(InputError, match=r"a.abc: unknown extension '.abc'; known are .bin .csv"):
         read_points(tmp_path / "a.abc")
+
+
+@pytest.mark.parametrize("viewpoint", [None, (1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0)])
+def test_several_points_at_zero_are_no_returns(tmp_path, viewpoint):
+    """Of a cloud with one origin, the file's or the user's; a single one may be a true place."""
+    points = POINTS.copy()
+    points[4] = 0
+    scans = read_point_file(write_pcd(tmp_path / "a.pcd", points, viewpoint=viewpoint), sensor_origin_m=[0, 0, 0.5])
+    assert scans.beam.tolist() == list(range(60))
+    points[9] = 0
+    scans = read_point_file(write_pcd(tmp_path / "a.pcd", points, viewpoint=viewpoint), sensor_origin_m=[0, 0, 0.5])
+    assert set(range(60)) - set(scans.beam.tolist()) == {4, 9}
+
+
+@pytest.mark.parametrize("arrays", [{"scan": np.arange(60) // 20}, {"origins": np.ones((60, 3))}])
+def test_points_at_zero_of_a_map_are_places(tmp_path, arrays):
+    points = POINTS.copy()
+    points[[4, 9]] = 0
+    assert len(read_point_file(write_npz(tmp_path / "a.npz", points, **arrays), sensor_origin_m=[0, 0, 0.5])) == 60

@@ -16,11 +16,24 @@ from hilbertvae.scans.point_text import read_point_text
         ("1e2;-2.5;nan\n", [[100, -2.5, np.nan]]),
         ('name,Z,"Y",x\nfirst,3,2,1\nsecond,6,5,4\n', [[1, 2, 3], [4, 5, 6]]),
         ("x y r\n1 2 9\n", [[1, 2]]),
+        ("# t x y z\n9 1 2 3\n", [[1, 2, 3]]),
+        ("# a log\n#T X Y Z\n\n9 1 2 3\n# x y t z\n9 4 5 6\n", [[1, 2, 3], [4, 5, 6]]),
+        ("//Intensity;X;Y;Z\n9;1;2;3\n", [[1, 2, 3]]),
+        ("# t x y z\n9,1,2,3\n", [[1, 2, 3]]),
+        ("# t, x, y, z,\n9,1,2,3,\n", [[1, 2, 3]]),
+        ("# z y x\n# of a room\n1 2 3\n", [[1, 2, 3]]),
+        ("# x y of rooms\n1 2 3\n", [[1, 2, 3]]),
+        ("\ufeffz;y;x\n3;2;1\n", [[1, 2, 3]]),
+        ("\ufeff1 2 3\n", [[1, 2, 3]]),
+        ("\ufeff# t x y z\n9 1 2 3\n", [[1, 2, 3]]),
+        ("x,y,z,\r\n1,2,3,\r\n\r\n4,5,6,\r\n", [[1, 2, 3], [4, 5, 6]]),
+        ("1;2;3;\n4;5;6\n", [[1, 2, 3], [4, 5, 6]]),
+        ("x,y,z\n1,2,3,\n", [[1, 2, 3]]),
     ],
 )
 def test_tables(tmp_path, text, expected):
     path = tmp_path / "a.xyz"
-    path.write_text(text, newline="")
+    path.write_text(text, newline="", encoding="utf-8")
     np.testing.assert_array_equal(read_point_text(path).points, np.array(expected, float))
 
 
@@ -31,6 +44,9 @@ def test_tables(tmp_path, text, expected):
         ("# nothing\n// at all\n", "expected lines of numbers, found none"),
         ("1\n2\n", "expected 2 or more columns, found 1"),
         ("1 2 3\n4 5\n", "can't be read as a text file of points"),
+        ("1,2,3\n4,5,\n", "can't be read as a text file of points"),
+        ("# t x y z\n9 1 2 3\n9 1 2 3 4\n", "can't be read as a text file of points"),
+        ("1,2,,\n", "expected numbers, or a first line that names columns"),
         ("1,2,3\n4,,6\n", "can't be read as a text file of points"),
         ("1 2 3\n4 five 6\n", "can't be read as a text file of points"),
         ("1,5 2,5 3,5\n", "expected numbers, or a first line that names columns"),

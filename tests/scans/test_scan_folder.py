@@ -133,3 +133,17 @@ def test_a_scan_without_returns_is_left_out(tmp_path):
         scans = read_scan_folder(tmp_path)
     np.testing.assert_array_equal(scans.points[:, 0], [2, 22])
     np.testing.assert_array_equal(scans.scan, [0, 1])
+
+
+def test_points_at_zero_are_no_returns_under_a_files_own_origin(tmp_path):
+    """Several of them; a single one may be a true place, which it is not where the beams start there."""
+    clouds = np.stack([POINTS, POINTS])
+    clouds[0, [4, 9]] = clouds[1, 7] = 0
+    viewed = (1.0, 2, 3, 1, 0, 0, 0)
+    write_drive(tmp_path, clouds, random_poses(2), "{}.pcd", lambda path, points: write_pcd(path, points, viewpoint=viewed))
+    found = read_scan_folder(tmp_path)
+    assert set(range(60)) - set(found.beam[found.scan == 0].tolist()) == {4, 9}
+    assert found.beam[found.scan == 1].tolist() == list(range(60))
+    write_drive(tmp_path / "plain", clouds, random_poses(2), "{}.pcd", write_pcd)
+    found = read_scan_folder(tmp_path / "plain", beam_origin=[0, 0, 0.5])
+    assert np.bincount(found.scan).tolist() == [58, 59]

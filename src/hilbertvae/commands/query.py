@@ -22,7 +22,7 @@ class QuerySettings:
     """One run of `hilbertvae-query`."""
 
     map: str = ""
-    """A `map.safetensors`, or the folder that has it."""
+    """A `map.safetensors`, or the folder that has it; or an OctoMap `.ot` or `.bt`."""
     points: str = ""
     """A file of points in metres in the map's frame: text, .npz, or a cloud in a format that scans may have."""
     output: str | None = None
@@ -42,7 +42,7 @@ def run(settings: QuerySettings) -> None:
         raise InputError(f"{settings.points}: expected {mapper.n_features_in_} coordinates, as the map has, got {points.shape[1]}")
     answers = {
         "probability": mapper.predict_map(points),
-        "std": mapper.predict_std(points),
+        "std": mapper.predict_std(points) if hasattr(mapper, "predict_std") else np.full(len(points), np.nan),  # OctoMap has none
         "observed": mapper.observed(points),
     }
     if settings.output and settings.output.endswith(".npz"):

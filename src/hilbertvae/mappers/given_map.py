@@ -9,13 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hilbertvae.cloud import Cloud
-from hilbertvae.mappers.octomap_mapper import read_octree
+from hilbertvae.mappers.octomap_mapper import OCTREES, read_octree
 from hilbertvae.mappers.octree_cloud import octree_cloud
 from hilbertvae.observed_map import read_ros_map, ros_map_cell_m
 from hilbertvae.scans.file_points import named
 
 ROS_MAPS = (".yaml", ".yml", ".pgm")
-OCTREES = (".ot", ".bt")
 LARGEST_CELL_M = 5.0
 """No robot's map has larger cells; one in millimetres has."""
 

@@ -21,6 +21,8 @@ from hilbertvae.mappers.octree import NONE, SIDE, leaves_of_labels, leaves_of_va
 ORIGIN = SIDE // 2
 """The key of the voxel whose lower corner is the map's origin."""
 _TITLES = {".ot": "# Octomap OcTree file", ".bt": "# Octomap OcTree binary file"}
+OCTREES = tuple(_TITLES)
+"""How the names of OctoMap's files end."""
 _SHIFT = "# hilbertvae shift_voxels "
 """Begins the comment line of our files that says what their formats have no place for: `shift_`, one number per axis of the map."""
 _LONGEST_HEADER = 1 << 16

@@ -18,6 +18,7 @@ from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.frame import Frames, FrameSettings
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.map_arrays import EVIDENCE, map_arrays
+from hilbertvae.mappers.octomap_mapper import OCTREES, OctoMapMapper, read_octree
 from hilbertvae.mappers.packed_array import pack, unpack
 from hilbertvae.mappers.saved_evidence import evidence_of
 from hilbertvae.mappers.weights import NAMES, RankWeights, unit_weights
@@ -64,8 +65,9 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
     return Path(path)
 
 
-def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = None, device: str = "cpu") -> HilbertMap:
-    """The fitted mapper that `save_map` wrote: it answers as the saved one did, to the bit, and needs no network for that.
+def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = None, device: str = "cpu") -> HilbertMap | OctoMapMapper:
+    """The fitted mapper that `save_map` wrote: it answers as the saved one did, to the bit, and needs no network for that. An OctoMap's
+    `.ot` or `.bt` is read as the mapper that it is.
 
     checkpoint: the network that it was made with, for `partial_fit` and `fit`; it is looked for among those that come with the package
     unless given, and only when it is needed. Raises `InputError` for a file that is missing, damaged or not ours.
@@ -73,6 +75,8 @@ def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = Non
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: expected a map, found no file")
+    if path.suffix.lower() in OCTREES:
+        return read_octree(path)
     try:
         with safe_open(path, framework="np") as file:
             metadata = file.metadata() or {}

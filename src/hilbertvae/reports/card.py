@@ -26,7 +26,14 @@ LIMITS = {
     3: "Made for streets at cells of 0.2 m and boxes of 6.4 m, with the vertical as the third axis: thin poles, the far ends of cars and "
     "hedges are guessed coarsely, and rooms have never been tried.",
 }
-COLUMNS = {"precision": "P", "recall": "R", "best_f1": "best F1", "auc": "AUC", "nll": "NLL", "ece": "ECE", "base_rate": "base rate"}
+GUESSES = (
+    "What it fills in is a guess from other places; `observed(points)` tells what was seen. Rows `occluded` are of what no scan "
+    "that it was shown had seen: where its NLL there is above the base rate's, knowing only the share of occupied cells would do better."
+)
+COLUMNS = {
+    "precision": "P", "recall": "R", "best_f1": "best F1", "auc": "AUC", "nll": "NLL", "ece": "ECE", "base_rate": "base rate",
+    "base_rate_nll": "its NLL",
+}  # fmt: skip
 SHARES = ("precision", "recall", "best_f1", "auc", "base_rate")
 MAPPERS = {"cvae-hm-points": "points", "cvae-hm": "voxels"}
 """Each calibration is scored on the reading that it is for."""
@@ -47,7 +54,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         "## Scores",
         *([_scores([read_result(path)[0] for path in results]), _made(results)] if results else ["Not scored yet."]),
         "## Limits",
-        LIMITS[network.dimension] + " What it fills in is a guess from other places; `observed(points)` tells what was seen.",
+        f"{LIMITS[network.dimension]} {GUESSES}",
         "## Terms",
         _terms(card),
     ]

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from hilbertvae.reports.score_table import markdown, percent
+from hilbertvae.scoring.cases import OCCLUSION_STEP
 from hilbertvae.scoring.result import Result
 
 HEADLINES = (("points", "f1", "F1 at the cut"), ("points", "auc", "AUC"), ("voxels", "best_f1", "best F1"), ("voxels", "auc", "AUC"))
-"""Reading, metric and name of what methods are compared by, inside gaps."""
+"""Reading, metric and name of what methods are compared by where nothing was shown."""
+COMPARED = ("gaps", "gaps-above-ground", "occluded-sparse", "occluded-half")
+"""Regions with a table of their own, where they were scored."""
 CHAMPIONS = {"points": ("cvae-hm-points", "cae-hm-points", "cvae-hm-paper", "cae-hm-paper"), "voxels": ("cvae-hm", "cae-hm")}
 """By reading, the row that stands for the run's network: the first of these that was scored; each is calibrated for its reading."""
 NOT_RIVALS = (
@@ -42,8 +45,12 @@ def pairwise_table(result: Result, region: str = "gaps") -> str:
 
 
 def occlusion_table(result: Result) -> str:
-    """AUC, and NLL beside that of a constant base rate, in what only the left-out scans saw, by distance from the nearest point kept."""
-    regions = sorted({region for readings in result.scores.values() for region in readings.get("voxels", {}) if "occluded" in region})
+    """AUC, and NLL beside that of a constant base rate, in what only the left-out scans saw, by distance from the nearest point kept.
+
+    Regions in which no gap seed has a voxel are left out.
+    """
+    every = [readings["voxels"] for readings in result.scores.values() if "voxels" in readings]
+    regions = sorted({region for found in every for region, metrics in found.items() if "occluded" in region and any(metrics["count"])})
     if not regions:
         return ""
     rows = []
@@ -53,7 +60,9 @@ def occlusion_table(result: Result) -> str:
             rows.append([name, *(f"{percent(found[region]['auc'])}; {_mean(found[region]['nll']):.3f}" for region in regions)])
     first = next(readings["voxels"] for readings in result.scores.values() if regions[0] in readings["voxels"])
     rows.append(["constant base rate", *(f"50.0; {_mean(first[region]['base_rate_nll']):.3f}" for region in regions)])
-    return markdown(["AUC; NLL (voxels)", *regions], rows)
+    cases = min(len(result.gap_seeds), OCCLUSION_STEP[result.dimension])
+    said = f"The {len(result.gap_seeds)} gap seeds are {cases} different choices of scans for occluded-sparse, and one for occluded-half."
+    return markdown(["AUC; NLL (voxels)", *regions], rows) + "\n\n" + said
 
 
 def _mean(values: list[float]) -> float:

@@ -20,7 +20,7 @@ from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.canvas import save_picture
 from hilbertvae.reports.cluster_pictures import completion_rows, gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
-from hilbertvae.reports.comparison import occlusion_table, pairwise_table
+from hilbertvae.reports.comparison import COMPARED, occlusion_table, pairwise_table
 from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.lit_colours import surface_colours
 from hilbertvae.reports.mesh_tab import add_surface
@@ -46,6 +46,12 @@ COMPLETIONS = 4
 """Draws of each gap in the picture of completions."""
 UNSURE_GAPS = 4
 """Gaps in the picture of uncertainty."""
+
+
+def scores_text(result: Result) -> str:
+    """`scores.md`: all scores, methods compared pairwise, what is occluded, and the paper's numbers beside ours."""
+    pairwise = [pairwise_table(result, region) for region in COMPARED]
+    return "\n\n".join(filter(None, [markdown_scores(result), *pairwise, occlusion_table(result), paper_table(result)])) + "\n"
 
 
 class Report:
@@ -81,9 +87,7 @@ class Report:
         about["git"] = self.git
         self.written.append(write_result(folder / "result.json", result, about))
         with atomic(folder / "scores.md") as temporary:
-            pairwise = [pairwise_table(result, region) for region in ("gaps", "gaps-above-ground")]
-            tables = [markdown_scores(result), *pairwise, occlusion_table(result), paper_table(result)]
-            temporary.write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
+            temporary.write_text(scores_text(result), encoding="utf-8")
         print_scores(result, Console())
         figures, surface = self._figures(result, site, mappers) if self.pictures and result.scores else ({}, None)
         for tag, figure in figures.items():

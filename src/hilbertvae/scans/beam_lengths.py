@@ -23,10 +23,13 @@ def within_range(lengths: np.ndarray, min_range_m: float, max_range_m: float) ->
         return (lengths > min_range_m) & (lengths < max_range_m)
 
 
-def without_zeros(points: np.ndarray) -> np.ndarray:
-    """`points (N, D)` of a sensor's frame with NaN where they are (0, 0, 0), as drivers write for a beam without a return."""
+def without_zeros(points: np.ndarray, at_least: int = 1) -> np.ndarray:
+    """`points (N, D)` of a sensor's frame with NaN where they are (0, 0, 0), as drivers write for a beam without a return.
+
+    Fewer than `at_least` such points are left as they are: where beams start elsewhere, a single one may be a true place.
+    """
     zero = (points == 0).all(axis=1)
-    return np.where(zero[:, None], np.nan, points) if zero.any() else points
+    return np.where(zero[:, None], np.nan, points) if zero.sum() >= max(at_least, 1) else points
 
 
 class UnitCheck:

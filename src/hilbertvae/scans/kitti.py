@@ -7,13 +7,19 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from hilbertvae.checks import InputError
-from hilbertvae.scans.poses import read_calibration
+from hilbertvae.scans.poses import read_calibration, read_poses
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_folder import POSES, read_posed_scans, scan_files
 
 VELODYNE = "velodyne"
 CALIBRATION = "calib.txt"
+MOST_UPWARD = 0.8
+"""No car goes more of its way along its lidar's z axis, which is a camera's way ahead."""
+SHORTEST_PATH_M = 5.0
+"""Shorter paths may be those of a sensor that is moved by hand, or of one that stands and whose poses are not steady."""
 
 
 def is_kitti(folder: str | os.PathLike) -> bool:
@@ -32,7 +38,8 @@ def read_kitti(
     """The scans of a drive, as `read_scan_folder` reads them; `beam_origin='hdl64'` is KITTI's own sensor.
 
     Beams of up to `min_range_m` ended on the car that carries the sensor. KITTI's own poses are the left camera's: where `calib.txt` says
-    how the lidar stands to it, they are turned into the lidar's; without that file poses take the lidar's frame to the map's.
+    how the lidar stands to it, they are turned into the lidar's; without that file poses take the lidar's frame to the map's, and a
+    `UserWarning` says so where they would take the car up into the air.
     Raises `InputError` for a folder of another layout, for another number of poses than of scans, and for files that can't be read.
     """
     folder = Path(folder)
@@ -45,4 +52,18 @@ def read_kitti(
     calibration = read_calibration(folder / CALIBRATION) if there else None
     if there and calibration is None and poses is None:
         warnings.warn(f"{folder / CALIBRATION}: no line Tr:, so {POSES} is taken to have the lidar's poses, not the camera's", stacklevel=3)
-    return read_posed_scans(files, folder / POSES, beam_origin, max_range_m, min_range_m, every, poses, calibration)
+    scans = read_posed_scans(files, folder / POSES, beam_origin, max_range_m, min_range_m, every, poses, calibration)
+    if calibration is None and poses is None and _goes_up(read_poses(folder / POSES)):
+        warnings.warn(
+            f"{folder / POSES}: poses go up rather than ahead: are they the camera's? Put KITTI's {CALIBRATION} beside them", stacklevel=3
+        )
+    return scans
+
+
+def _goes_up(poses: np.ndarray) -> bool:
+    """Whether most of the path of `poses (S, 3, 4)` lies along the z axis of the sensor, each step seen from where it starts."""
+    # Not along the first sensor's axis: a camera that turns a corner goes along the first one's x.
+    steps = np.diff(poses[:, :, 3], axis=0)
+    path_m = np.sqrt(np.square(steps).sum(axis=1)).sum()
+    upward_m = np.abs((steps * poses[:-1, :, 2]).sum(axis=1)).sum()
+    return bool(path_m > SHORTEST_PATH_M and upward_m > MOST_UPWARD * path_m)

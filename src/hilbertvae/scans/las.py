@@ -18,6 +18,8 @@ RECORD_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
 """The shortest record of each point format."""
 LAZ_TIMEOUT_S = 60.0
 """What unpacking may take beyond a second per megabyte, at which even a slow machine has long finished."""
+WITHHELD_BYTE, OLD_WITHHELD, NEW_WITHHELD = 15, 0x80, 0x04
+"""Where a record has the flag of a point that counts as deleted, and its bit in formats 0 to 5 and in those from 6."""
 COPIES = 6
 """How often the records and what is made of them may be in memory at once."""
 
@@ -28,6 +30,7 @@ class _Header:
     start: int
     count: int
     record_bytes: int
+    withheld: int
     scale: np.ndarray
     offset: np.ndarray
     packed: bool
@@ -36,6 +39,7 @@ class _Header:
 def read_las(path: str | os.PathLike) -> FilePoints:
     """The points, metres, file frame (often UTM: float64 keeps the centimetre). LAS has no place for an origin.
 
+    Points marked as withheld, which the format's specification takes as deleted, are NaN: they keep their place in the file's order.
     No backend of laspy stands a damaged LAZ file: laszip writes where it should not and lazrs ends the interpreter. So LAZ is
     unpacked in a process of its own with a limit on memory and time. Raises `InputError` for files that are missing, foreign or damaged.
     """
@@ -43,14 +47,18 @@ def read_las(path: str | os.PathLike) -> FilePoints:
     with reading(path, "a LAS or LAZ file"), open(path, "rb") as file:
         header = _header(path, file)
         if header.packed:
-            counts = _unpacked_apart(path, file, header)
+            counts, withheld = _unpacked_apart(path, file, header)
         else:
             check_fits(path, "the header's points", header.count * header.record_bytes, header.size - header.start)
-            axes = {"names": ["x", "y", "z"], "formats": ["<i4"] * 3, "offsets": [0, 4, 8], "itemsize": header.record_bytes}
+            names, kinds, places = ["x", "y", "z", "flags"], ["<i4"] * 3 + ["u1"], [0, 4, 8, WITHHELD_BYTE]
+            record = np.dtype({"names": names, "formats": kinds, "offsets": places, "itemsize": header.record_bytes})
             file.seek(header.start)
-            rows = np.fromfile(file, np.dtype(axes), header.count)
+            rows = np.fromfile(file, record, header.count)
             counts = np.column_stack([rows[axis] for axis in "xyz"])
-        return FilePoints(counts * header.scale + header.offset)
+            withheld = rows["flags"] & header.withheld != 0
+        points = counts * header.scale + header.offset
+        points[withheld] = np.nan
+        return FilePoints(points)
 
 
 def _header(path: Path, file) -> _Header:
@@ -74,21 +82,23 @@ def _header(path: Path, file) -> _Header:
     numbers = np.frombuffer(start, "<f8", 6, 131)
     if not np.isfinite(numbers).all() or (numbers[:3] <= 0).any() or np.abs(numbers).max() > 1e12:
         raise InputError(f"{path}: expected positive scales and finite offsets, got {numbers.tolist()}")
-    return _Header(size, data_start, count, record_bytes, numbers[:3], numbers[3:], packed)
+    withheld = OLD_WITHHELD if form < 6 else NEW_WITHHELD
+    return _Header(size, data_start, count, record_bytes, withheld, numbers[:3], numbers[3:], packed)
 
 
-def _unpacked_apart(path: Path, file, header: _Header) -> np.ndarray:
-    """(N, 3) int32, counts of scale, of a LAZ file whose claims are sound enough to try."""
+def _unpacked_apart(path: Path, file, header: _Header) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 3) int32, counts of scale, and (N,) bool, withheld points, of a LAZ file whose claims are sound enough to try."""
     extra_module("points", "laspy"), extra_module("points", "lazrs")
     unpacked = header.count * header.record_bytes
     check_expansion(path, "the header's points", unpacked, header.size - header.start)
     if not header.count:
-        return np.empty((0, 3), np.int32)
+        return np.empty((0, 3), np.int32), np.empty(0, bool)
     _check_chunks(path, file, header)
     found = read_apart(path, "LAZ file", "laz_process.py", COPIES * unpacked, LAZ_TIMEOUT_S + unpacked / 1e6)
-    if len(found) != 12 * header.count:
+    if len(found) != 13 * header.count:
         raise InputError(f"{path}: damaged LAZ file, can't be unpacked ({header.count} points declared, {len(found)} bytes came out)")
-    return np.frombuffer(found, np.int32).reshape(3, -1).T
+    counts = np.frombuffer(found, np.int32, 3 * header.count).reshape(3, -1).T
+    return counts, np.frombuffer(found, np.uint8, offset=12 * header.count) != 0
 
 
 def _check_chunks(path: Path, file, header: _Header) -> None:

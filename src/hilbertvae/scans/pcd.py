@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 from pathlib import Path
@@ -13,6 +14,8 @@ from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits
 
 MAX_VALUES = 1024
 """Numbers a point may have; pypcd4 makes a name for each before it looks at the data."""
+OLD_VERSIONS = {".5", "0.5", ".6", "0.6"}
+"""Read like 0.7: the lines that files of these may lack, COUNT and VIEWPOINT, have defaults. pypcd4 knows 0.7 alone."""
 DEFAULT_VIEWPOINT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """tx ty tz qw qx qy qz: what writers put that don't know where the sensor stood."""
 
@@ -27,9 +30,16 @@ def read_pcd(path: str | os.PathLike) -> FilePoints:
     path, pypcd4 = Path(path), extra_module("points", "pypcd4.pypcd4")
     with reading(path, "a PCD file"):
         with open(path, "rb") as file:
-            header = pypcd4.MetaData.parse_header(_header_lines(file))
+            lines = _header_lines(file)
+            mended, start = _as_new(lines), file.tell()
+            header = pypcd4.MetaData.parse_header(mended)
             names = _check(path, file, header)
-        rows = np.atleast_1d(pypcd4.PointCloud.from_path(path).pc_data)
+            if mended == lines:
+                cloud = pypcd4.PointCloud.from_path(path)
+            else:  # pypcd4 reads the header again, so it is given a new one
+                file.seek(start)
+                cloud = pypcd4.PointCloud.from_fileobj(io.BytesIO(header.compose_header().encode() + file.read()))
+        rows = np.atleast_1d(cloud.pc_data)
         if len(rows) != header.points:
             raise InputError(f"{path}: truncated or forged; {header.points} points declared, {len(rows)} found")
         points = np.column_stack([rows[name].astype(np.float64) for name in names])
@@ -45,6 +55,16 @@ def _header_lines(file) -> list[str]:
             lines.append(text)
             if text.startswith("DATA") or len(lines) >= 10:
                 break
+    return lines
+
+
+def _as_new(lines: list[str]) -> list[str]:
+    """The header's lines as version 0.7 has them: COUNT is 1 for each field where there is none, as PCL takes it."""
+    words = {line.split()[0].upper(): line.split()[1:] for line in lines}
+    if OLD_VERSIONS.intersection(words.get("VERSION", [])[:1]):
+        lines = [line for line in lines if line.split()[0].upper() != "VERSION"]
+    if "COUNT" not in words and words.get("FIELDS"):
+        lines = [*lines, "COUNT" + " 1" * len(words["FIELDS"])]
     return lines
 
 

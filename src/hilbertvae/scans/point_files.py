@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.e57 import read_e57
 from hilbertvae.scans.file_points import FilePoints, check_reading
 from hilbertvae.scans.las import read_las
@@ -66,14 +66,18 @@ def read_point_file(
 
     The beams start where the file says, else at `sensor_origin_m` (D numbers, metres, file frame), which is (0, 0, 0) for a cloud in
     its sensor's frame. Without either there are no rays, and nothing is made up: that is an `InputError`, as are damaged files.
-    A beam as long as `max_range_m` and more, as short as `min_range_m` and less, or without a return (NaN) is dropped. `every` keeps
-    each so many-th scan. Beams are numbered in the file's order within each scan, dropped ones included.
+    A beam as long as `max_range_m` and more, as short as `min_range_m` and less, or without a return (NaN) is dropped. So are points at
+    (0, 0, 0) where a cloud with one origin has two or more: drivers write them for beams without a return. `every` keeps each so many-th
+    scan. Beams are numbered in the file's order within each scan, dropped ones included.
     """
     check_reading(min_range_m, max_range_m, every)
     found = read_points(path)
     origins = np.broadcast_to(_origin(path, found, sensor_origin_m), found.points.shape)
     order, scan, beam = _sweeps(found)
-    lengths, unit = beam_lengths(found.points[order], origins[order]), UnitCheck()
+    # Sweeps, or an origin for each beam, make a map's frame, where a place at zero is like any other.
+    posed = found.scan is not None or (found.origins is not None and found.origins.ndim == 2)
+    points = found.points if posed else without_zeros(found.points, at_least=2)
+    lengths, unit = beam_lengths(points[order], origins[order]), UnitCheck()
     unit.see(lengths)
     unit.warn(path)
     kept = within_range(lengths, min_range_m, max_range_m) & (scan % every == 0)

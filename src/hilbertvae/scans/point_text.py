@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ from hilbertvae.scans.file_points import FilePoints, reading
 MAX_LINE = 65536
 """Bytes of the longest first line: a table of points has tens of columns, a foreign file may have no line end at all."""
 COMMENTS = ("#", "//")
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 def number_table(
@@ -29,32 +31,46 @@ def number_table(
 def read_point_text(path: str | os.PathLike) -> FilePoints:
     """The points of a table, metres. Two columns are 2D; of three and more the first three are x, y, z.
 
-    A first line that is not numbers names the columns: x, y and, in 3D, z are then found by name, whatever stands beside them.
-    Lines that start with # or // are comments. `nan` is a beam without a return. Raises `InputError` for anything else.
+    A first line that is not numbers names the columns: x, y and, in 3D, z are then found by name, whatever stands beside them. So does
+    the last comment ahead of the numbers, if it has a word for each column and x and y among them, as numpy and CloudCompare write it.
+    Other lines that start with # or // are passed over. Rows may end in a delimiter. `nan` is a beam without a return. Raises
+    `InputError` for anything else.
     """
     path = Path(path)
     with reading(path, "a text file of points"), open(path, "rb") as file:
-        start, first = 0, b""
+        if file.read(len(BYTE_ORDER_MARK)) != BYTE_ORDER_MARK:
+            file.seek(0)
+        start, first, comment = file.tell(), b"", b""
         for line in iter(lambda: file.readline(MAX_LINE), b""):
             first = line.strip()
             if first and not first.startswith((b"#", b"//")):
                 break
+            comment = first or comment
             start, first = file.tell(), b""
         if not first:
             raise InputError(f"{path}: expected lines of numbers, found none")
         delimiter = next((mark for mark in (",", ";") if mark.encode() in first), None)
-        fields = [field.strip(' \t"') for field in first.decode("latin1").split(delimiter)]
-        columns = None
-        if not all(map(_is_number, fields)):
+        fields = _fields(first, delimiter)
+        columns, coordinates = None, slice(3)
+        if all(map(_is_number, fields)):
+            coordinates = _commented_columns(comment, delimiter, len(fields)) or coordinates
+        else:
             columns = _named_columns(path, fields)
             start = file.tell()
         file.seek(start)
-        table = number_table(file, delimiter, columns)
+        # Spreadsheets end rows with a delimiter, which numpy takes for one more column, and empty.
+        lines = file if delimiter is None else (line.rstrip().removesuffix(delimiter.encode()) for line in file)
+        table = number_table(lines, delimiter, columns)
         if not len(table):
             raise InputError(f"{path}: expected lines of numbers, found none")
         if table.shape[1] < 2:
             raise InputError(f"{path}: expected 2 or more columns, found {table.shape[1]}")
-        return FilePoints(table[:, :3])
+        return FilePoints(table[:, coordinates])
+
+
+def _fields(line: bytes, delimiter: str | None) -> list[str]:
+    text = line.decode("latin1")
+    return [field.strip(' \t"') for field in (text if delimiter is None else text.removesuffix(delimiter)).split(delimiter)]
 
 
 def _is_number(field: str) -> bool:
@@ -69,4 +85,19 @@ def _named_columns(path: Path, fields: list[str]) -> list[int]:
     names = [field.lower() for field in fields]
     if not {"x", "y"} <= set(names):
         raise InputError(f"{path}: expected numbers, or a first line that names columns x, y (and z), got {' '.join(fields)[:60]!r}")
+    return _coordinates(names)
+
+
+def _commented_columns(comment: bytes, delimiter: str | None, count: int) -> list[int] | None:
+    """The columns of x, y (and z) where a comment names all `count` columns, else None: most comments are just that."""
+    text = re.sub(rb"^(#|//)+\s*", b"", comment)
+    # numpy.savetxt writes its header as it is given, which may be apart by spaces above numbers apart by commas.
+    for fields in (_fields(text, delimiter), re.split(r"[\s,;]+", text.decode("latin1"))):
+        names = [field.lower() for field in fields]
+        if len(names) == count and {"x", "y"} <= set(names):
+            return _coordinates(names)
+    return None
+
+
+def _coordinates(names: list[str]) -> list[int]:
     return [names.index(name) for name in "xyz" if name in names]

@@ -93,8 +93,7 @@ def read_posed_scans(
         if found.points.shape[1] != dimension or (dimension == 2 and poses is not None):
             wanted = "to find poses from" if poses is not None else f"as in {files[taken[0]].name}"
             raise InputError(f"{files[index]}: expected {5 - found.points.shape[1]}D points {wanted}, got {found.points.shape[1]}D ones")
-        found_points = _in_space(found.points)
-        points = without_zeros(found_points) if found.origins is None else found_points
+        points = without_zeros(_in_space(found.points), at_least=1 if found.origins is None else 2)
         start = beam_origins(points) if found.origins is None else np.broadcast_to(_in_space(found.origins), points.shape)
         lengths = beam_lengths(points, start)
         unit.see(lengths)

@@ -19,11 +19,12 @@ def score(occupied: np.ndarray, probability: np.ndarray) -> dict[str, float]:
     """All of `METRICS` for labels `occupied (Q,)` bool and `probability (Q,)` of being occupied.
 
     Precision: of the points called occupied (p > 0.6), how many are. Recall: of all occupied points, how many were called so; unknown
-    (0.4 < p <= 0.6) is a miss. A ratio with nothing below the line is 0, and AUC with one class only is 0.5: every score is a number.
+    (0.4 < p <= 0.6) is a miss. A ratio with nothing below the line is 0, and AUC with one class only, or none, is 0.5: every score is a
+    number, and `count` tells where it means nothing.
     """
     count = len(occupied)
     if not count:
-        return dict.fromkeys(METRICS, 0.0)
+        return dict.fromkeys(METRICS, 0.0) | {"auc": 0.5}
     called, freed = probability > OCCUPIED_ABOVE, probability <= FREE_BELOW
     right, right_free = np.count_nonzero(called & occupied), np.count_nonzero(freed & ~occupied)
     positive, called_count, freed_count = np.count_nonzero(occupied), np.count_nonzero(called), np.count_nonzero(freed)
