@@ -17,6 +17,7 @@ import hilbertvae.training.train as train_module  # noqa: E402
 from hilbertvae.checks import InputError  # noqa: E402
 from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
 from hilbertvae.mappers.nearest import NearestMapper  # noqa: E402
+from hilbertvae.reconstruction.gated_network import GatedNetworkSettings  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
 from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
 from hilbertvae.training.settings import training_hash  # noqa: E402
@@ -216,7 +217,7 @@ def test_the_maps_weights_are_learned_over_the_runs_flips(finished, tmp_path):
 @pytest.mark.parametrize(("on_cpu", "on_gpu"), [(False, True), (True, False)])
 def test_numbers_are_those_that_the_processor_multiplies_in(tmp_path, monkeypatch, on_cpu, on_gpu):
     has = {"cpu": on_cpu, "cuda": on_gpu}
-    monkeypatch.setattr("hilbertvae.training.train.fast_type", lambda kind: torch.bfloat16 if has[kind] else torch.float32)
+    monkeypatch.setattr("hilbertvae.reconstruction.precision.fast_type", lambda kind: torch.bfloat16 if has[kind] else torch.float32)
     words = {True: "bf16-mixed", False: "32-true"}
     for gpu in (False, True):
         monkeypatch.setattr(torch.cuda, "is_available", lambda gpu=gpu: gpu)
@@ -224,3 +225,13 @@ def test_numbers_are_those_that_the_processor_multiplies_in(tmp_path, monkeypatc
             chosen = replace(TRAINER, precision="auto", accelerator=accelerator)
             assert _precision(tiny_settings(tmp_path, tmp_path, trainer=chosen)) == words[found]
     assert _precision(tiny_settings(tmp_path, tmp_path, trainer=replace(TRAINER, precision="16-mixed"))) == "16-mixed"
+
+
+def test_no_network_learns_from_wrong_gradients(tmp_path, monkeypatch):
+    """On CPUs torch gets those of 3D convolutions on 2 x 2 x 2 cells wrong in bfloat16."""
+    monkeypatch.setattr("hilbertvae.reconstruction.precision.fast_type", lambda kind: torch.bfloat16)
+    settings = tiny_settings(tmp_path, tmp_path, trainer=replace(TRAINER, precision="auto", accelerator="cpu"))
+    for dimension, cells, levels, expected in ((3, 32, 3, "32-true"), (3, 32, 2, "bf16-mixed"), (2, 32, 3, "bf16-mixed")):
+        network = GatedNetworkSettings(channels=[8] * levels, blocks=[1] * levels)
+        other = replace(settings, dimension=dimension, grid=replace(settings.grid, cells=cells), network=network)
+        assert _precision(other) == expected

@@ -21,7 +21,7 @@ from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment
 from hilbertvae.reconstruction.blocks import Reconstruction
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
-from hilbertvae.reconstruction.precision import fast_autocast
+from hilbertvae.reconstruction.precision import fast_autocast, training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 GAP_DIAMETER_M = (1.0, 3.5)
@@ -53,6 +53,7 @@ def adapted(
     optimizer = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, betas=(0.9, 0.95), weight_decay=0.0)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: _rate(step, steps))
     augmentation, dimension = _augmentation(reconstructor), reconstructor.dimension
+    numbers = training_type(device, dimension, reconstructor.network_settings.bottom_cells(reconstructor.grid.cells))
     rng, grids = np.random.default_rng(seed), [torch.from_numpy(part) for part in (shown, target)]
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
@@ -60,7 +61,7 @@ def adapted(
         for _ in track(range(steps), "Learning from the site", transient=True):
             drawn = np.sort(rng.choice(len(shown), min(batch_size(reconstructor), len(shown)), replace=False))
             batch = augment(*(part[drawn].to(device) for part in grids), augmentation, dimension)
-            with fast_autocast(device):
+            with fast_autocast(device, numbers):
                 with torch.no_grad():
                     said = before(batch[0])
                 found = network(batch[0])

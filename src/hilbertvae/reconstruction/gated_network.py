@@ -47,6 +47,10 @@ class GatedNetworkSettings:
     """What the network is shown: `hit_free`, the labels of cells; `detailed`, also how many returns and free samples each cell has, and
     where in it its returns lie; `signed`, the paper's."""
 
+    def bottom_cells(self, cells: int) -> int:
+        """Cells of the last level along an axis, for grids of `cells`."""
+        return cells // self.stem // 2 ** (len(self.channels) - 1)
+
 
 class GatedNetwork(nn.Module):
     """Stem, residual levels down, a latent at the bottom, residual levels up, pixel shuffle to logits.

@@ -20,7 +20,7 @@ import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.files import atomic, hash_of, write_json
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.reconstruction.precision import fast_type
+from hilbertvae.reconstruction.precision import training_type
 from hilbertvae.training.grids_datamodule import GridsDataModule
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
 from hilbertvae.training.kept_grids import GRID_SOURCES, code_hash
@@ -130,7 +130,9 @@ def _precision(settings: Settings) -> str:
     if chosen != "auto":
         return chosen
     on_gpu = accelerator in ("gpu", "cuda") or accelerator == "auto" and torch.cuda.is_available()
-    return "bf16-mixed" if fast_type("cuda" if on_gpu else "cpu") is torch.bfloat16 else "32-true"
+    bottom_cells = getattr(settings.network, "bottom_cells", lambda cells: 0)(settings.grid.cells)  # the paper's has no such level
+    numbers = training_type("cuda" if on_gpu else "cpu", settings.dimension, bottom_cells)
+    return "bf16-mixed" if numbers is torch.bfloat16 else "32-true"
 
 
 def _last_epoch(output: Path, settings: Settings) -> Path | None:
