@@ -1,6 +1,7 @@
 """The command on every configuration that is shipped, with `debug=fast`, and its errors."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -26,14 +27,19 @@ def names(group: str) -> list[str]:
     return sorted(path.stem for path in (CONF / group).glob("*.yaml"))
 
 
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+RUN_ELSEWHERE = {"streets", *re.findall(r"^\.venv/bin/hilbertvae-train .*experiment=(\w+)", README, re.MULTILINE)}
+"""Experiments that another test runs: README's commands in `test_readme.py`, and the street that is looked at."""
+
+
 def settings_of(*overrides: str):
     with initialize_config_dir(str(CONF), version_base="1.3"):
         return to_settings(compose("config", overrides=list(overrides)))
 
 
 def fast(tmp_path: Path, *overrides: str):
-    """Settings of a run in seconds, in a folder of its own."""
-    folder = [f"output={tmp_path / 'run'}", f"data.cache={tmp_path / 'cache'}", "trainer.threads=1"]
+    """Settings of a run in seconds, in a folder of its own; grids are shared with runs before."""
+    folder = [f"output={tmp_path / 'run'}", f"data.cache={tmp_path.parent / 'cache'}", "trainer.threads=1"]
     return settings_of("debug=fast", *folder, *overrides)
 
 
@@ -59,7 +65,7 @@ class TestEveryConfiguration:
         found, _ = read_result(tmp_path / "run/result.json")
         assert set(found.scores) == {"cae-hm" if network.endswith("cae") else "cvae-hm"}
 
-    @pytest.mark.parametrize("experiment", names("experiment"))
+    @pytest.mark.parametrize("experiment", [name for name in names("experiment") if name not in RUN_ELSEWHERE])
     def test_experiment_runs(self, experiment, tmp_path):
         settings = fast(
             tmp_path, f"experiment={experiment}", "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false", *narrow(experiment)

@@ -25,6 +25,14 @@ def fitted(request, place):
     return fit(HilbertMap(network, weights=weights, grid=grid), gapped(place)), place
 
 
+def near_by_loop(query, points, resolution_m):
+    """Whether a block of 1.6 m (16 voxels in 2D, 8 in 3D) with one of the points lies within 2.5 m of the query along every axis."""
+    side = {2: 16, 3: 8}[len(query)] * resolution_m
+    low = np.floor(points / side) * side
+    away = np.maximum(np.maximum(low - query, query - low - side), 0).max(axis=1)
+    return bool((away < 2.5).any())
+
+
 def answers_by_loop(mapper, cloud, queries, grids):
     """Eq. 7, 8 and 14 for each query by itself, from grids, frames and evidence."""
     frames, evidence = mapper.frames_, Evidence(cloud.points, cloud.occupied, cloud.weight, mapper.evidence_.resolution_m)
@@ -47,7 +55,8 @@ def answers_by_loop(mapper, cloud, queries, grids):
             louder = mapper.neighbours / len(values) if weights.level else 1.0
             logit = np.dot(weights.unseen[: len(values)], values) * louder + weights.unseen[-1]
         else:
-            logit = 0.0
+            beside = mapper.evidence and near_by_loop(query, cloud.points, evidence.resolution_m)
+            logit = weights.beyond if beside else 0.0
         found.append(1 / (1 + np.exp(-logit)))
     return found
 
@@ -80,9 +89,22 @@ def test_where_nothing_is_known_the_answer_is_exactly_one_half(fitted):
     mapper, place = fitted
     low, high = mapper.frames_.boxes()
     low, high = low.min(axis=0), high.max(axis=0)
-    outside = np.concatenate([low - [[0.3], [5.0], [1e6]], high + [[0.3], [5.0], [1e6]]])
+    outside = np.concatenate([low - [[4.2], [9.0], [1e6]], high + [[4.2], [9.0], [1e6]]])
     assert not mapper.observed(outside).any()
     np.testing.assert_array_equal(mapper.predict_proba(outside), 0.5)
+
+
+def test_beyond_all_boxes_and_near_what_was_seen_the_answer_is_learned(place):
+    cloud = gapped(place)
+    mapper = fit(HilbertMap(reconstructor(place.dimension)), cloud)
+    low, high = mapper.frames_.boxes()
+    outside = np.stack([low.min(axis=0) - 0.3, high.max(axis=0) + 0.3])
+    np.testing.assert_allclose(mapper.predict_proba(outside)[:, 1], 1 / (1 + np.exp(1.3)))
+    np.testing.assert_array_equal(mapper.predict_map(outside), 0.5)  # shown as unknown all the same
+    np.testing.assert_array_equal(mapper.predict_std(outside), 0.5)
+    for others in ({"fill": False}, {"weights": "unit"}, {"evidence": False}):
+        plain = fit(HilbertMap(reconstructor(place.dimension), **others), cloud)
+        np.testing.assert_array_equal(plain.predict_proba(outside), 0.5)
 
 
 def test_where_no_box_holds_a_query_evidence_answers_alone(room):

@@ -42,14 +42,14 @@ def test_site_view_outlines_every_gap(view):
 def test_close_ups_share_a_view_in_each_row(view):
     figure = close_up_picture(view)
     panels = [axes for axes in figure.axes if axes.images]
-    assert len(panels) == 3 * 2
-    assert [axes.get_title(loc="right") for axes in panels[:3]] == ["shown", "truth", "map"]
+    assert len(panels) == 4 * 2
+    assert [axes.get_title(loc="right") for axes in panels[:4]] == ["shown", "truth", "map", "map, p > 0.3"]
     assert panels[0].get_title(loc="left").startswith("gap 1: as large as a car")
-    for line in (panels[:3], panels[3:]):
+    for line in (panels[:4], panels[4:]):
         (centre,) = {tuple(circle.center) for axes in line for circle in circles(axes)}
         left, right = line[0].get_xlim()
         assert left < centre[0] < right
-        shown, truth, _ = (np.asarray(axes.images[0].get_array()).astype(int) for axes in line)
+        shown, truth, *_ = (np.asarray(axes.images[0].get_array()).astype(int) for axes in line)
         assert (shown != truth).any()
         green = (truth[..., 1] > truth[..., 0] + 60) & (truth[..., 1] > truth[..., 2] + 15)
         assert green.any()

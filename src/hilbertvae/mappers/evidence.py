@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
@@ -13,6 +14,8 @@ from hilbertvae.voxel_votes import voxel_index
 FAR_VOXELS = 2.0
 """Distances are cut off here: the block of neighbours that is searched reaches no farther."""
 NEAREST_HITS = 3
+NEAR_M = 2.5
+"""How far from what was seen, along each axis, `near` reaches: as far as real occlusion is scored (METHOD 7)."""
 BRICKS_AT_ONCE = 64
 """Few enough that their votes stay in the processor's cache. Changes no number."""
 MARGIN = 2.0**-24
@@ -34,6 +37,8 @@ class Evidence:
         self.resolution_m = resolution_m
         self.dimension = dimension = points.shape[1]
         self.bricks = VoxelBricks(dimension)
+        self._brick_m = self.bricks.side * resolution_m
+        self._middles: cKDTree | None = None
         self._place, self._features = GrowingArray(np.zeros(1, np.int64)), GrowingArray(np.zeros((1, 4)))
         self._hits, self._frees = GrowingArray(np.zeros(1)), GrowingArray(np.zeros(1))
         self._hit_mean, self._free_mean = ([GrowingArray(np.full(1, np.inf, np.float32)) for _ in range(dimension)] for _ in range(2))
@@ -148,6 +153,15 @@ class Evidence:
         row = np.where(place == NONE, 0, self.bricks.numbers[np.maximum(place, 0)])
         return np.where(row == 0, NONE, row)
 
+    def near(self, queries: np.ndarray) -> np.ndarray:
+        """(Q,) bool: whether a brick with a seen voxel lies within `NEAR_M` of each query along every axis."""
+        if not len(self) or not len(queries):
+            return np.zeros(len(queries), bool)
+        if self._middles is None or self._middles.n < len(self.bricks.corners):
+            self._middles = cKDTree((self.bricks.corners + 0.5) * self._brick_m)
+        reach = NEAR_M + 0.5 * self._brick_m
+        return np.isfinite(self._middles.query(queries, p=np.inf, distance_upper_bound=reach)[0])
+
     def features(self, queries: np.ndarray, voxel: np.ndarray) -> np.ndarray:
         """(Q, F) what the Hilbert Map is told of `queries (Q, D)` in the seen voxels `voxel (Q,)`.
 
@@ -173,8 +187,8 @@ class Evidence:
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """(low (D,), high (D,)) metres, of the bricks that hold all that was seen."""
-        corners, side_m = self.bricks.corners, self.bricks.side * self.resolution_m
-        return corners.min(axis=0) * side_m, (corners.max(axis=0) + 1) * side_m
+        corners = self.bricks.corners
+        return corners.min(axis=0) * self._brick_m, (corners.max(axis=0) + 1) * self._brick_m
 
     def returns(self, rows: np.ndarray) -> np.ndarray:
         """(R, D) metres: the mean returns of the voxels `rows (R,)`, which have some."""

@@ -161,9 +161,9 @@ class HilbertMap(GrowingMapper):
         offset = np.where(held > 0, weights.unseen[-1], 0.0)
         return fit_cluster_weights(values, holding, offset, weights.unseen[:-1], target.occupied, len(self.frames_), self.ridge)
 
-    def features(self, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, and the evidence
-        (S, F) of those whose was."""
+    def features(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, the evidence
+        (S, F) of those whose was, and whether something was seen near those that no box holds (Q,) bool."""
         holding = self.index_.holding(queries, self.neighbours)
         return self._features(queries, holding, *kernels([self.grids_], self.frames_, queries, holding))
 
@@ -171,8 +171,10 @@ class HilbertMap(GrowingMapper):
         if self.factors_ is not None:
             values *= np.where(holding != NONE, self.factors_[holding], 0.0)
         voxel = self.evidence_.find(queries) if self.evidence else np.full(len(queries), NONE)
-        seen = voxel != NONE
-        return values, (holding != NONE).sum(axis=1), seen, self.evidence_.features(queries[seen], voxel[seen])
+        held, seen = (holding != NONE).sum(axis=1), voxel != NONE
+        near = (held == 0) & ~seen & (self.evidence and self.fill)
+        near[near] = self.evidence_.near(queries[near])
+        return values, held, seen, self.evidence_.features(queries[seen], voxel[seen]), near
 
     def _probability(self, queries):
         return expit(self.rank_weights_.logit(*self.features(queries)))

@@ -16,8 +16,8 @@ from hilbertvae.checks import InputError
 
 NAMES = ("unseen", "seen", "everywhere")
 MOST_STEPS, SMALLEST_PACE = 100, 1e-12
-NEAR_ZERO = 1e-9
-"""A weight that shall not be negative counts as 0 from here on."""
+NEAR_ZERO = 1e-2
+"""A weight that shall not be negative may count as 0 from here on, if a plain gradient step would take some weight as far."""
 
 
 @dataclass(frozen=True)
@@ -27,47 +27,54 @@ class RankWeights:
     unseen: (K + 1,) where nothing was observed: w_r of the r-th nearest grid's kernel value, and a constant for being in any box.
     seen: (F + 2,) in an observed voxel: the evidence's features, the mean kernel value, and a constant.
     everywhere: (K + 1,), like `unseen` but with a constant of 0, for a map that knows its grids alone, as the paper's does.
+    beyond: of a query that no box holds, though something was seen near it (`Evidence.near`): what is left there is open space, above a
+    street or past a corner, and few cells of it are occupied.
     level: whether fewer than K boxes speak as loudly as K (`levelled`). Else a query at the edge of what was seen, which few boxes hold,
     gets an answer near that of the constant alone.
-    There is no intercept outside of all boxes: where nothing is known, p is 0.5.
+    There is no other intercept outside of all boxes: where nothing is known, p is 0.5.
     """
 
     unseen: np.ndarray
     seen: np.ndarray
     everywhere: np.ndarray
     level: bool = True
+    beyond: float = 0.0
 
     def grids_alone(self) -> RankWeights:
         """The weights of a map without evidence: the paper's plain sum."""
         return RankWeights(self.everywhere, self.seen, self.everywhere, level=False)
 
-    def logit(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
-        """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, and `evidence (S, F)` of those `seen (Q,)`."""
+    def logit(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray, near=False) -> np.ndarray:
+        """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, `evidence (S, F)` of those `seen (Q,)`, and whether
+        something was seen `near (Q,)` those that no box holds."""
         # Sums along rows, not a matrix product: BLAS rounds a row differently from batch to batch.
         heard = levelled(values, held) if self.level else values
-        logit = np.where(held > 0, (heard * self.unseen[:-1]).sum(axis=1) + self.unseen[-1], 0.0)
+        logit = np.where(held > 0, (heard * self.unseen[:-1]).sum(axis=1) + self.unseen[-1], np.where(near, self.beyond, 0.0))
         logit[seen] = (seen_features(values[seen], held[seen], evidence) * self.seen).sum(axis=1)
         return logit
 
-    def logits_alone(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
+    def logits_alone(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray, near=False) -> np.ndarray:
         """(Q, K) what `logit` would be if all boxes that hold a query said what each one says; of no use where none holds it."""
         one_by_one = []
         for value in values.T:
             same = np.where(np.arange(values.shape[1]) < held[:, None], value[:, None], 0.0)
-            one_by_one.append(self.logit(same, held, seen, evidence))
+            one_by_one.append(self.logit(same, held, seen, evidence, near))
         return np.stack(one_by_one, axis=1)
 
     def plain(self) -> dict:
         """As plain values, for JSON."""
-        return {name: getattr(self, name).tolist() for name in NAMES} | {"level": self.level}
+        return {name: getattr(self, name).tolist() for name in NAMES} | {"level": self.level, "beyond": self.beyond}
 
     @classmethod
     def from_plain(cls, plain: dict) -> RankWeights:
-        """The inverse of `plain`; an `InputError` for weights of another version."""
-        if sorted(plain) != sorted((*NAMES, "level")) or not isinstance(plain["level"], bool):
-            wanted = ", ".join((*NAMES, "level"))
+        """The inverse of `plain`; an `InputError` for weights of another version. Those that were learned before `beyond` was have 0."""
+        plain = {"beyond": 0.0} | plain
+        if sorted(plain) != sorted((*NAMES, "level", "beyond")) or not isinstance(plain["level"], bool):
+            wanted = ", ".join((*NAMES, "level", "beyond"))
             raise InputError(f"checkpoint: expected Hilbert Map's weights {wanted}, got {', '.join(plain)}; learned by another version")
-        return cls(*(np.asarray(plain[name], float) for name in NAMES), bool(plain["level"]))
+        if isinstance(plain["beyond"], bool) or not isinstance(plain["beyond"], (int, float)) or not np.isfinite(plain["beyond"]):
+            raise InputError(f"rank_weights.beyond: expected a finite number, got {plain['beyond']!r}")
+        return cls(*(np.asarray(plain[name], float) for name in NAMES), bool(plain["level"]), float(plain["beyond"]))
 
 
 def levelled(values: np.ndarray, held: np.ndarray) -> np.ndarray:
@@ -89,8 +96,9 @@ def unit_weights(nearest: int, evidence_features: int) -> RankWeights:
     return RankWeights(grids, seen, grids, level=False)
 
 
-def fit_rank_weights(values, held, seen, evidence, occupied) -> RankWeights:
-    """Rank weights from queries with known labels: kernel weights non-negative, the rest free, a light ridge for R(w)."""
+def fit_rank_weights(values, held, seen, evidence, near, occupied) -> RankWeights:
+    """Rank weights from queries with known labels: kernel weights non-negative, the rest free, a light ridge for R(w). Without queries
+    beyond all boxes, `beyond` stays 0."""
     unseen, inside = ~seen & (held > 0), held > 0
     if not unseen.any() or not seen.any():
         raise InputError("rank weights: expected queries both in gaps and in observed voxels")
@@ -101,7 +109,10 @@ def fit_rank_weights(values, held, seen, evidence, occupied) -> RankWeights:
     everywhere = np.append(logistic_weights(values[inside], occupied[inside], nonnegative=ranks), 0.0)
     features = seen_features(values[seen], held[seen], evidence)
     observed = logistic_weights(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]))
-    return RankWeights(in_gaps, observed, everywhere)
+    alone = occupied[~seen & ~inside & near]
+    hits = np.count_nonzero(alone)
+    # Half a query of each kind, so that a few free ones alone make nothing certain (Jeffreys).
+    return RankWeights(in_gaps, observed, everywhere, beyond=float(np.log((hits + 0.5) / (len(alone) - hits + 0.5))))
 
 
 def fit_cluster_weights(values, holding, offset, rank_weights: np.ndarray, occupied, clusters: int, ridge: float) -> np.ndarray:
@@ -118,8 +129,8 @@ def logistic_weights(features, occupied, nonnegative, ridge: float = 1e-3, towar
     """w (F,) that minimises the sum over queries of log(1 + exp(-y (offset + w . Phi))) + ridge |w - towards|^2.
 
     Convex, with few features, which say nearly the same: Newton's method reaches in ten steps the optimum that SGD (Eq. 16) would wander
-    around. Weights that shall not be negative are projected (Bertsekas 1982): one that its gradient presses against 0 is left out of
-    the system of equations, and takes a plain gradient step. Features may be sparse.
+    around. Weights that shall not be negative are projected (Bertsekas 1982): one at 0, or about to be, that its gradient presses there
+    is left out of the system of equations, and takes a plain gradient step. Features may be sparse.
     """
     sign, features = np.where(occupied, 1.0, -1.0), features.astype(np.float64)
     count = features.shape[1]
@@ -138,9 +149,10 @@ def logistic_weights(features, occupied, nonnegative, ridge: float = 1e-3, towar
         bend = (wrong * (1 - wrong))[:, None]
         hessian = (features.T @ features.multiply(bend)).toarray() if issparse(features) else features.T @ (features * bend)
         hessian += 2 * ridge * np.eye(count)
-        pressed = bounded & (weights <= NEAR_ZERO) & (gradient > 0)
-        free = ~pressed
         step = gradient / np.diag(hessian)
+        plain = np.where(bounded, np.minimum(step, weights), step)
+        # The margin shrinks as the optimum nears. Without one, a weight just above 0 stops every step that would take it below.
+        free = ~(bounded & (weights <= min(NEAR_ZERO, np.abs(plain).max())) & (gradient > 0))
         step[free] = np.linalg.solve(hessian[np.ix_(free, free)], gradient[free])
         pace, before = 1.0, value
         while pace > SMALLEST_PACE:

@@ -15,6 +15,8 @@ from hilbertvae.reports.field import REACH_M, Field
 from hilbertvae.site import Site
 from hilbertvae.voxel_votes import voxel_index
 
+LIKELY_ABOVE = 0.3
+"""In a gap that nobody saw into, a wall's voxels share what is known to be there: most of it lies between this and the cut."""
 UNDERGROUND_M = -0.6
 """What lies deeper is a reflection, and is not drawn."""
 CAR_M, LONGEST_CAR_M = (1.0, 2.2), 6.0
@@ -48,6 +50,8 @@ class SiteView:
     shown: Voxels
     truth: Voxels
     map: Voxels
+    likely: Voxels
+    """The map's, with those that are not sure enough to be called occupied (p > `LIKELY_ABOVE`)."""
     cloud: Cloud
     """What the mapper was shown, free and occupied."""
     sensors: np.ndarray
@@ -58,7 +62,7 @@ class SiteView:
         """Ask a mapper, already fitted on `gaps.cut(site.fit)`, at each voxel at most `reach_m` from that cloud."""
         cloud = gaps.cut(site.fit)
 
-        centres, probability = Field.near(mapper.predict_map, cloud.points, site.resolution_m, reach_m).above(OCCUPIED_ABOVE)
+        centres, probability = Field.near(mapper.predict_map, cloud.points, site.resolution_m, reach_m).above(LIKELY_ABOVE)
 
         def voxels(centres: np.ndarray, probability: np.ndarray | None = None) -> Voxels:
             height = site.ground.height_above(centres)
@@ -68,8 +72,9 @@ class SiteView:
 
         shown, truth = voxels(_voted(cloud, site.resolution_m)), voxels(site.voxels.points[site.voxels.occupied])
         sensors = site.scans.origins[np.unique(site.scans.scan, return_index=True)[1]]
-        mapped = voxels(centres, probability)
-        return cls(site.name, site.resolution_m, gaps, site.ground, mapper, shown, truth, mapped, cloud, sensors)
+        likely = voxels(centres, probability)
+        mapped = likely.select(likely.probability > OCCUPIED_ABOVE)
+        return cls(site.name, site.resolution_m, gaps, site.ground, mapper, shown, truth, mapped, likely, cloud, sensors)
 
     def in_gaps(self, voxels: Voxels) -> np.ndarray:
         """(N,) bool: the voxels that lie in a gap."""

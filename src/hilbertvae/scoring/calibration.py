@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hilbertvae.cloud import Cloud
@@ -45,10 +47,10 @@ def learn_rank_weights(mapper: HilbertMap, site: Site, gap_diameter_m: float, se
         if len(asked.points) and case.shown.occupied.any():
             _show(mapper, case.shown, seed)
             gather("voxels", Cloud(asked.points, asked.occupied, np.ones(len(asked.points))), np.arange(len(asked.points)), seed)
-    learned = {}
-    for reading, portions in gathered.items():
-        learned[reading] = fit_rank_weights(*(np.concatenate(column) for column in zip(*portions, strict=True))).plain()
-    return learned
+    learned = {name: fit_rank_weights(*map(np.concatenate, zip(*portions, strict=True))) for name, portions in gathered.items()}
+    # Gaps leave no place without a box, so only what is occluded tells what is beyond them.
+    learned["points"] = replace(learned["points"], beyond=learned["voxels"].beyond)
+    return {name: weights.plain() for name, weights in learned.items()}
 
 
 def _show(mapper: HilbertMap, shown: Cloud, seed: int) -> None:
