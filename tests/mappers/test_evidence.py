@@ -92,20 +92,23 @@ def test_every_fitted_point_is_found_and_votes_are_kept(place):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_near_is_what_lies_within_reach_of_a_brick(dimension):
+def test_away_is_the_distance_to_a_return_where_something_was_seen_near(dimension):
     points, occupied, weight = random_cloud(3, 40, dimension)
     evidence = Evidence(points, occupied, weight, 0.1)
     queries = np.random.default_rng(0).uniform(-6, 6, (2000, dimension))
     side = evidence.bricks.side * 0.1
-    away = np.abs(queries[:, None] - (np.floor(points / side) + 0.5) * side).max(axis=2).min(axis=1) - side / 2
-    np.testing.assert_array_equal(evidence.near(queries), away < 2.5)
-    exact = np.linalg.norm(queries[:, None] - points, axis=2).min(axis=1)
-    assert evidence.near(queries)[exact < 2.5].all() and not evidence.near(queries).all()
-    assert not evidence.near(queries + 100).any() and evidence.near(queries[:0]).shape == (0,)
-    evidence.add(points + 100, occupied, weight)  # the tree is made anew
-    assert evidence.near(points + 101).all()
+    near = np.abs(queries[:, None] - (np.floor(points / side) + 0.5) * side).max(axis=2).min(axis=1) - side / 2 < 2.5
+    middles = (np.floor(points[occupied] / 0.1) + 0.5) * 0.1
+    exact = np.linalg.norm(queries[:, None] - middles, axis=2).min(axis=1)
+    np.testing.assert_allclose(evidence.away(queries), np.where(near, np.minimum(exact, 2.5), np.inf))
+    assert near[np.linalg.norm(queries[:, None] - points, axis=2).min(axis=1) < 2.5].all() and not near.all()
+    assert np.isinf(evidence.away(queries + 100)).all() and evidence.away(queries[:0]).shape == (0,)
+    evidence.add(points + 100, occupied, weight)  # the trees are made anew
+    assert np.isfinite(evidence.away(points + 101)).all()
     nothing = Evidence(points[:0], occupied[:0], weight[:0], 0.1)
-    assert not nothing.near(queries).any()
+    assert np.isinf(nothing.away(queries)).all()
+    free = Evidence(points, np.zeros(len(points), bool), weight, 0.1)
+    assert set(free.away(queries[near])) == {2.5}
 
 
 def test_rows_do_not_wrap_into_one_another():

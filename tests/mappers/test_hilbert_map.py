@@ -25,12 +25,14 @@ def fitted(request, place):
     return fit(HilbertMap(network, weights=weights, grid=grid), gapped(place)), place
 
 
-def near_by_loop(query, points, resolution_m):
-    """Whether a block of 1.6 m (16 voxels in 2D, 8 in 3D) with one of the points lies within 2.5 m of the query along every axis."""
+def away_by_loop(query, cloud, resolution_m):
+    """How far the nearest voxel with a return is, at most 2.5 m; infinite unless a block of 1.6 m (16 voxels in 2D, 8 in 3D) with one of
+    the points lies within 2.5 m of the query along every axis."""
     side = {2: 16, 3: 8}[len(query)] * resolution_m
-    low = np.floor(points / side) * side
-    away = np.maximum(np.maximum(low - query, query - low - side), 0).max(axis=1)
-    return bool((away < 2.5).any())
+    low = np.floor(cloud.points / side) * side
+    outside = np.maximum(np.maximum(low - query, query - low - side), 0).max(axis=1)
+    middles = (np.floor(cloud.points[cloud.occupied] / resolution_m) + 0.5) * resolution_m
+    return min(np.linalg.norm(middles - query, axis=1).min(), 2.5) if (outside < 2.5).any() else np.inf
 
 
 def answers_by_loop(mapper, cloud, queries, grids):
@@ -55,8 +57,8 @@ def answers_by_loop(mapper, cloud, queries, grids):
             louder = mapper.neighbours / len(values) if weights.level else 1.0
             logit = np.dot(weights.unseen[: len(values)], values) * louder + weights.unseen[-1]
         else:
-            beside = mapper.evidence and near_by_loop(query, cloud.points, evidence.resolution_m)
-            logit = weights.beyond if beside else 0.0
+            away = away_by_loop(query, cloud, evidence.resolution_m)
+            logit = weights.beyond @ [away, 1.0] if mapper.evidence and np.isfinite(away) else 0.0
         found.append(1 / (1 + np.exp(-logit)))
     return found
 
@@ -99,7 +101,8 @@ def test_beyond_all_boxes_and_near_what_was_seen_the_answer_is_learned(place):
     mapper = fit(HilbertMap(reconstructor(place.dimension)), cloud)
     low, high = mapper.frames_.boxes()
     outside = np.stack([low.min(axis=0) - 0.3, high.max(axis=0) + 0.3])
-    np.testing.assert_allclose(mapper.predict_proba(outside)[:, 1], 1 / (1 + np.exp(1.3)))
+    away = np.array([away_by_loop(query, cloud, mapper.evidence_.resolution_m) for query in outside])
+    np.testing.assert_allclose(mapper.predict_proba(outside)[:, 1], 1 / (1 + np.exp(0.4 * away + 0.3)))
     np.testing.assert_array_equal(mapper.predict_map(outside), 0.5)  # shown as unknown all the same
     np.testing.assert_array_equal(mapper.predict_std(outside), 0.5)
     for others in ({"fill": False}, {"weights": "unit"}, {"evidence": False}):

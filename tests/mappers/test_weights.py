@@ -88,10 +88,9 @@ def random_features(seed=0, count=60, ranks=3, kinds=4):
 def test_the_logit_query_by_query(level):
     values, held, seen, evidence = random_features()
     rng = np.random.default_rng(1)
-    weights = RankWeights(rng.normal(size=4), rng.normal(size=6), rng.normal(size=4), level, beyond=-2.5)
-    near = rng.random(len(values)) < 0.5
-    found = weights.logit(values, held, seen, evidence, near)
-    assert {0.0, -2.5} <= set(found) and not (weights.logit(values, held, seen, evidence) == -2.5).any()
+    weights = RankWeights(rng.normal(size=4), rng.normal(size=6), rng.normal(size=4), level, beyond=np.array([-1.5, -2.5]))
+    away = np.where(rng.random(len(values)) < 0.5, rng.uniform(0, 2.5, len(values)), np.inf)
+    found = weights.logit(values, held, seen, evidence, away)
     row = 0
     for q in range(len(values)):
         if seen[q]:
@@ -102,8 +101,8 @@ def test_the_logit_query_by_query(level):
             expected = sum(w * k for w, k in zip(weights.unseen[:3], values[q], strict=True))
             expected = expected * (3 / held[q] if level else 1) + weights.unseen[3]
         else:
-            expected = -2.5 if near[q] else 0.0  # nothing is known: p = 0.5
-            assert found[q] == expected
+            expected = -1.5 * away[q] - 2.5 if np.isfinite(away[q]) else 0.0  # nothing is known: p = 0.5
+            assert weights.logit(values, held, seen, evidence)[q] == 0
         assert found[q] == pytest.approx(expected, abs=1e-5)
 
 
@@ -138,23 +137,18 @@ def test_unit_weights_sum_kernel_values_and_add_the_log_odds():
 
 
 def test_plain_and_back_through_json():
-    weights = RankWeights(np.array([1 / 3, 0.1, -0.2]), np.array([2e-17, 1e5]), np.array([0.1]), level=False, beyond=-1 / 3)
+    weights = RankWeights(np.array([1 / 3, 0.1, -0.2]), np.array([2e-17, 1e5]), np.array([0.1]), level=False, beyond=np.array([-1 / 3, 1e-9]))
     found = RankWeights.from_plain(json.loads(json.dumps(weights.plain())))
     np.testing.assert_array_equal(found.unseen, weights.unseen)
     np.testing.assert_array_equal(found.seen, weights.seen)
-    assert found.level is False and found.beyond == -1 / 3
+    assert found.level is False
+    np.testing.assert_array_equal(found.beyond, weights.beyond)
 
 
 def test_weights_learned_before_there_was_one_beyond_all_boxes():
     plain = unit_weights(3, 4).plain()
     del plain["beyond"]
-    assert RankWeights.from_plain(plain).beyond == 0.0
-
-
-@pytest.mark.parametrize("value", ["far", None, True, float("nan"), float("inf"), [1.0]])
-def test_a_weight_beyond_all_boxes_that_is_no_number_is_refused(value):
-    with pytest.raises(InputError, match="rank_weights.beyond: expected a finite number, got"):
-        RankWeights.from_plain(unit_weights(3, 4).plain() | {"beyond": value})
+    assert RankWeights.from_plain(plain).beyond.tolist() == [0.0, 0.0]
 
 
 def test_rank_weights_are_found_again():
@@ -167,8 +161,8 @@ def test_rank_weights_are_found_again():
     evidence = rng.normal(size=(seen.sum(), 2))
     true = RankWeights(np.array([1.2, 0.6, 0.0, -0.4]), np.array([1.5, -0.7, 0.5, 0.3]), np.zeros(4))
     occupied = rng.random(count) < 1 / (1 + np.exp(-true.logit(values, held, seen, evidence)))
-    found = fit_rank_weights(values, held, seen, evidence, np.zeros(count, bool), occupied)
-    assert found.beyond == 0  # no query was beyond all boxes
+    found = fit_rank_weights(values, held, seen, evidence, np.full(count, np.inf), occupied)
+    assert found.beyond.tolist() == [0, 0]  # no query was beyond all boxes
     np.testing.assert_allclose(found.unseen, true.unseen, atol=0.15)
     np.testing.assert_allclose(found.seen, true.seen, atol=0.1)
     assert (found.unseen[:ranks] >= 0).all() and found.seen[0] >= 0 and found.seen[-2] >= 0
@@ -184,11 +178,11 @@ def test_weights_of_grids_alone_are_fitted_on_every_query_in_a_box():
     in_gaps, observed = np.array([1.0, 0.5, 0.2, 0.3]), np.array([2.0, 1.0, 0.4, -0.5])
     logit = np.where(seen, values @ observed[:3] + observed[3], values @ in_gaps[:3] + in_gaps[3])
     occupied = np.where(held > 0, rng.random(count) < 1 / (1 + np.exp(-logit)), True)
-    near = ~seen & (held == 0) & (rng.random(count) < 0.5)
-    occupied &= ~near | (rng.random(count) < 0.1)
-    found = fit_rank_weights(values, held, seen, np.zeros((seen.sum(), 2)), near, occupied)
-    share = occupied[near].mean()
-    assert found.beyond == pytest.approx(np.log(share / (1 - share)), abs=0.02)
+    away = np.where(rng.random(count) < 0.5, rng.uniform(0, 2.5, count), np.inf)
+    alone = ~seen & (held == 0) & np.isfinite(away)
+    occupied = np.where(alone, rng.random(count) < 1 / (1 + np.exp(1.0 + np.where(alone, away, 0.0))), occupied)
+    found = fit_rank_weights(values, held, seen, np.zeros((seen.sum(), 2)), away, occupied)
+    np.testing.assert_allclose(found.beyond, [-1, -1], atol=0.4)
     inside = held > 0
     expected = LogisticRegression(C=np.inf, fit_intercept=False, tol=1e-10).fit(values[inside], occupied[inside])
     np.testing.assert_allclose(found.everywhere[:-1], expected.coef_[0], atol=5e-3)
@@ -201,7 +195,7 @@ def test_weights_of_grids_alone_are_fitted_on_every_query_in_a_box():
 def test_weights_of_another_version_are_named(missing):
     plain = unit_weights(3, 4).plain()
     del plain[missing]
-    with pytest.raises(InputError, match="expected Hilbert Map's weights unseen, seen, everywhere, level, beyond, got"):
+    with pytest.raises(InputError, match="expected Hilbert Map's weights unseen, seen, everywhere, beyond, level, got"):
         RankWeights.from_plain(plain)
 
 
@@ -214,7 +208,7 @@ def test_weights_that_nothing_reads_are_refused():
 def test_rank_weights_need_gaps_and_observed_voxels(all_seen):
     seen = np.full(5, all_seen)
     with pytest.raises(InputError, match="expected queries both in gaps and in observed voxels"):
-        fit_rank_weights(np.ones((5, 2)), np.full(5, 2), seen, np.ones((5 * all_seen, 3)), np.zeros(5, bool), np.arange(5) < 2)
+        fit_rank_weights(np.ones((5, 2)), np.full(5, 2), seen, np.ones((5 * all_seen, 3)), np.full(5, np.inf), np.arange(5) < 2)
 
 
 def test_cluster_weights_by_an_explicit_sum():

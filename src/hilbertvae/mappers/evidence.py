@@ -15,7 +15,7 @@ FAR_VOXELS = 2.0
 """Distances are cut off here: the block of neighbours that is searched reaches no farther."""
 NEAREST_HITS = 3
 NEAR_M = 2.5
-"""How far from what was seen, along each axis, `near` reaches: as far as real occlusion is scored (METHOD 7)."""
+"""How far from what was seen, along each axis, `away` reaches: as far as real occlusion is scored (METHOD 7)."""
 BRICKS_AT_ONCE = 64
 """Few enough that their votes stay in the processor's cache. Changes no number."""
 MARGIN = 2.0**-24
@@ -38,7 +38,7 @@ class Evidence:
         self.dimension = dimension = points.shape[1]
         self.bricks = VoxelBricks(dimension)
         self._brick_m = self.bricks.side * resolution_m
-        self._middles: cKDTree | None = None
+        self._found: tuple[tuple[int, int], cKDTree, cKDTree] | None = None
         self._place, self._features = GrowingArray(np.zeros(1, np.int64)), GrowingArray(np.zeros((1, 4)))
         self._hits, self._frees = GrowingArray(np.zeros(1)), GrowingArray(np.zeros(1))
         self._hit_mean, self._free_mean = ([GrowingArray(np.full(1, np.inf, np.float32)) for _ in range(dimension)] for _ in range(2))
@@ -153,14 +153,24 @@ class Evidence:
         row = np.where(place == NONE, 0, self.bricks.numbers[np.maximum(place, 0)])
         return np.where(row == 0, NONE, row)
 
-    def near(self, queries: np.ndarray) -> np.ndarray:
-        """(Q,) bool: whether a brick with a seen voxel lies within `NEAR_M` of each query along every axis."""
+    def away(self, queries: np.ndarray) -> np.ndarray:
+        """(Q,) metres from each query to the middle of the nearest voxel with a return, at most `NEAR_M`; infinite where no brick with a
+        seen voxel lies within `NEAR_M` along every axis."""
         if not len(self) or not len(queries):
-            return np.zeros(len(queries), bool)
-        if self._middles is None or self._middles.n < len(self.bricks.corners):
-            self._middles = cKDTree((self.bricks.corners + 0.5) * self._brick_m)
-        reach = NEAR_M + 0.5 * self._brick_m
-        return np.isfinite(self._middles.query(queries, p=np.inf, distance_upper_bound=reach)[0])
+            return np.full(len(queries), np.inf)
+        middles, returns = self._trees()
+        near = np.isfinite(middles.query(queries, p=np.inf, distance_upper_bound=NEAR_M + 0.5 * self._brick_m, workers=-1)[0])
+        away = np.full(len(queries), np.inf)
+        away[near] = np.minimum(returns.query(queries[near], distance_upper_bound=NEAR_M, workers=-1)[0], NEAR_M)
+        return away
+
+    def _trees(self) -> tuple[cKDTree, cKDTree]:
+        """Over the middles of bricks, and of voxels with a return; made anew when there are more of either."""
+        count = len(self.bricks.corners), np.count_nonzero(self.hits)
+        if self._found is None or self._found[0] != count:
+            hit = self.bricks.indices(self.places[1:][self.hits[1:] > 0])
+            self._found = count, cKDTree((self.bricks.corners + 0.5) * self._brick_m), cKDTree((hit + 0.5) * self.resolution_m)
+        return self._found[1:]
 
     def features(self, queries: np.ndarray, voxel: np.ndarray) -> np.ndarray:
         """(Q, F) what the Hilbert Map is told of `queries (Q, D)` in the seen voxels `voxel (Q,)`.

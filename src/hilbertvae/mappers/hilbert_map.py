@@ -163,18 +163,21 @@ class HilbertMap(GrowingMapper):
 
     def features(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
         """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, the evidence
-        (S, F) of those whose was, and whether something was seen near those that no box holds (Q,) bool."""
-        holding = self.index_.holding(queries, self.neighbours)
-        return self._features(queries, holding, *kernels([self.grids_], self.frames_, queries, holding))
+        (S, F) of those whose was, and how far away (Q,) returns are from those that no box holds (`Evidence.away`)."""
+        phi = self._features(queries)
+        away, beyond = np.full(len(queries), np.inf), (phi[1] == 0) & ~phi[2] & (self.evidence and self.fill)
+        away[beyond] = self.evidence_.away(queries[beyond])
+        return *phi, away
 
-    def _features(self, queries, holding, values):
+    def _features(self, queries, holding=None, values=None):
+        if holding is None:
+            holding = self.index_.holding(queries, self.neighbours)
+            (values,) = kernels([self.grids_], self.frames_, queries, holding)
         if self.factors_ is not None:
             values *= np.where(holding != NONE, self.factors_[holding], 0.0)
         voxel = self.evidence_.find(queries) if self.evidence else np.full(len(queries), NONE)
-        held, seen = (holding != NONE).sum(axis=1), voxel != NONE
-        near = (held == 0) & ~seen & (self.evidence and self.fill)
-        near[near] = self.evidence_.near(queries[near])
-        return values, held, seen, self.evidence_.features(queries[seen], voxel[seen]), near
+        seen = voxel != NONE
+        return values, (holding != NONE).sum(axis=1), seen, self.evidence_.features(queries[seen], voxel[seen])
 
     def _probability(self, queries):
         return expit(self.rank_weights_.logit(*self.features(queries)))
@@ -204,7 +207,7 @@ class HilbertMap(GrowingMapper):
         return answer_in_chunks(self._spread, self._checked(queries), self.chunk)
 
     def _spread(self, queries):
-        features = self.features(queries)
+        features = self._features(queries)
         held, seen = features[1], features[2]
         alone = expit(self.rank_weights_.logits_alone(*features))
         inside = np.arange(alone.shape[1]) < held[:, None]

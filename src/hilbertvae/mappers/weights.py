@@ -6,7 +6,7 @@ sum log(1 + exp(-y w . Phi)) + R(w).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import csr_matrix, issparse
@@ -14,7 +14,7 @@ from scipy.special import expit
 
 from hilbertvae.checks import InputError
 
-NAMES = ("unseen", "seen", "everywhere")
+NAMES = ("unseen", "seen", "everywhere", "beyond")
 MOST_STEPS, SMALLEST_PACE = 100, 1e-12
 NEAR_ZERO = 1e-2
 """A weight that shall not be negative may count as 0 from here on, if a plain gradient step would take some weight as far."""
@@ -27,8 +27,8 @@ class RankWeights:
     unseen: (K + 1,) where nothing was observed: w_r of the r-th nearest grid's kernel value, and a constant for being in any box.
     seen: (F + 2,) in an observed voxel: the evidence's features, the mean kernel value, and a constant.
     everywhere: (K + 1,), like `unseen` but with a constant of 0, for a map that knows its grids alone, as the paper's does.
-    beyond: of a query that no box holds, though something was seen near it (`Evidence.near`): what is left there is open space, above a
-    street or past a corner, and few cells of it are occupied.
+    beyond: (2,) of a query that no box holds, though something was seen near it: of `Evidence.away`, per metre, and a constant. What is
+    left there is open space, above a street or past a corner, and few cells of it are occupied.
     level: whether fewer than K boxes speak as loudly as K (`levelled`). Else a query at the edge of what was seen, which few boxes hold,
     gets an answer near that of the constant alone.
     There is no other intercept outside of all boxes: where nothing is known, p is 0.5.
@@ -38,43 +38,45 @@ class RankWeights:
     seen: np.ndarray
     everywhere: np.ndarray
     level: bool = True
-    beyond: float = 0.0
+    beyond: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     def grids_alone(self) -> RankWeights:
         """The weights of a map without evidence: the paper's plain sum."""
         return RankWeights(self.everywhere, self.seen, self.everywhere, level=False)
 
-    def logit(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray, near=False) -> np.ndarray:
-        """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, `evidence (S, F)` of those `seen (Q,)`, and whether
-        something was seen `near (Q,)` those that no box holds."""
+    def logit(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray, away=np.inf) -> np.ndarray:
+        """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, `evidence (S, F)` of those `seen (Q,)`, and how far
+        `away (Q,)` returns are from those that no box holds, infinite where nothing was seen near."""
         # Sums along rows, not a matrix product: BLAS rounds a row differently from batch to batch.
         heard = levelled(values, held) if self.level else values
-        logit = np.where(held > 0, (heard * self.unseen[:-1]).sum(axis=1) + self.unseen[-1], np.where(near, self.beyond, 0.0))
+        logit = np.where(held > 0, (heard * self.unseen[:-1]).sum(axis=1) + self.unseen[-1], self._beyond(away))
         logit[seen] = (seen_features(values[seen], held[seen], evidence) * self.seen).sum(axis=1)
         return logit
 
-    def logits_alone(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray, near=False) -> np.ndarray:
+    def _beyond(self, away):
+        near = np.isfinite(away)
+        return np.where(near, np.where(near, away, 0.0) * self.beyond[0] + self.beyond[1], 0.0)
+
+    def logits_alone(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
         """(Q, K) what `logit` would be if all boxes that hold a query said what each one says; of no use where none holds it."""
         one_by_one = []
         for value in values.T:
             same = np.where(np.arange(values.shape[1]) < held[:, None], value[:, None], 0.0)
-            one_by_one.append(self.logit(same, held, seen, evidence, near))
+            one_by_one.append(self.logit(same, held, seen, evidence))
         return np.stack(one_by_one, axis=1)
 
     def plain(self) -> dict:
         """As plain values, for JSON."""
-        return {name: getattr(self, name).tolist() for name in NAMES} | {"level": self.level, "beyond": self.beyond}
+        return {name: getattr(self, name).tolist() for name in NAMES} | {"level": self.level}
 
     @classmethod
     def from_plain(cls, plain: dict) -> RankWeights:
         """The inverse of `plain`; an `InputError` for weights of another version. Those that were learned before `beyond` was have 0."""
-        plain = {"beyond": 0.0} | plain
-        if sorted(plain) != sorted((*NAMES, "level", "beyond")) or not isinstance(plain["level"], bool):
-            wanted = ", ".join((*NAMES, "level", "beyond"))
+        plain = {"beyond": [0.0, 0.0]} | plain
+        if sorted(plain) != sorted((*NAMES, "level")) or not isinstance(plain["level"], bool):
+            wanted = ", ".join((*NAMES, "level"))
             raise InputError(f"checkpoint: expected Hilbert Map's weights {wanted}, got {', '.join(plain)}; learned by another version")
-        if isinstance(plain["beyond"], bool) or not isinstance(plain["beyond"], (int, float)) or not np.isfinite(plain["beyond"]):
-            raise InputError(f"rank_weights.beyond: expected a finite number, got {plain['beyond']!r}")
-        return cls(*(np.asarray(plain[name], float) for name in NAMES), bool(plain["level"]), float(plain["beyond"]))
+        return cls(**{name: np.asarray(plain[name], float) for name in NAMES}, level=plain["level"])
 
 
 def levelled(values: np.ndarray, held: np.ndarray) -> np.ndarray:
@@ -96,7 +98,7 @@ def unit_weights(nearest: int, evidence_features: int) -> RankWeights:
     return RankWeights(grids, seen, grids, level=False)
 
 
-def fit_rank_weights(values, held, seen, evidence, near, occupied) -> RankWeights:
+def fit_rank_weights(values, held, seen, evidence, away, occupied) -> RankWeights:
     """Rank weights from queries with known labels: kernel weights non-negative, the rest free, a light ridge for R(w). Without queries
     beyond all boxes, `beyond` stays 0."""
     unseen, inside = ~seen & (held > 0), held > 0
@@ -109,10 +111,11 @@ def fit_rank_weights(values, held, seen, evidence, near, occupied) -> RankWeight
     everywhere = np.append(logistic_weights(values[inside], occupied[inside], nonnegative=ranks), 0.0)
     features = seen_features(values[seen], held[seen], evidence)
     observed = logistic_weights(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]))
-    alone = occupied[~seen & ~inside & near]
-    hits = np.count_nonzero(alone)
-    # Half a query of each kind, so that a few free ones alone make nothing certain (Jeffreys).
-    return RankWeights(in_gaps, observed, everywhere, beyond=float(np.log((hits + 0.5) / (len(alone) - hits + 0.5))))
+    alone = ~seen & ~inside & np.isfinite(away)
+    # With a ridge that a few free queries don't outweigh: they make nothing certain.
+    features = np.column_stack([away[alone], np.ones(np.count_nonzero(alone))])
+    beyond = logistic_weights(features, occupied[alone], nonnegative=[], ridge=1.0)
+    return RankWeights(in_gaps, observed, everywhere, beyond=beyond)
 
 
 def fit_cluster_weights(values, holding, offset, rank_weights: np.ndarray, occupied, clusters: int, ridge: float) -> np.ndarray:
