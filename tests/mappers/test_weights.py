@@ -137,7 +137,8 @@ def test_unit_weights_sum_kernel_values_and_add_the_log_odds():
 
 
 def test_plain_and_back_through_json():
-    weights = RankWeights(np.array([1 / 3, 0.1, -0.2]), np.array([2e-17, 1e5]), np.array([0.1]), level=False, beyond=np.array([-1 / 3, 1e-9]))
+    beyond = np.array([-1 / 3, 1e-9])
+    weights = RankWeights(np.array([1 / 3, 0.1, -0.2]), np.array([2e-17, 1e5]), np.array([0.1]), level=False, beyond=beyond)
     found = RankWeights.from_plain(json.loads(json.dumps(weights.plain())))
     np.testing.assert_array_equal(found.unseen, weights.unseen)
     np.testing.assert_array_equal(found.seen, weights.seen)

@@ -92,8 +92,8 @@ def _height_bar(figure: Figure, axes, shrink: float = 0.8, aspect: float = 30) -
 
 
 def close_up_picture(view: SiteView, gaps: dict[int, str] | None = None) -> Figure:
-    """A gap a row (`telling_gaps` unless given): shown | truth | map, coloured by height, what lies in gaps tinted, and beside them all that
-    the map holds for likely, coloured by p(occupied): the cut at 0.6 hides what it is nearly sure of."""
+    """A gap a row (`telling_gaps` unless given): shown | truth | map, coloured by height, what lies in gaps tinted, and beside them
+    all that the map holds for likely, coloured by p(occupied): the cut at 0.6 hides what it is nearly sure of."""
     chosen = telling_gaps(view) if gaps is None else gaps
     width, height = CLOSE_UP_PX
     side = 3.6
