@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.patches import Circle
@@ -14,7 +16,8 @@ from hilbertvae.reports.surface_pictures import close_up_picture, site_view_pict
 def view():
     site, gaps = street(), street_gaps()
     shown = gaps.cut(site.fit)
-    return SiteView.draw(site, gaps, NearestMapper(1).fit(shown.points, shown.occupied))
+    near, wide = (NearestMapper(count).fit(shown.points, shown.occupied) for count in (1, 3))
+    return SiteView.draw(site, gaps, near, wide)
 
 
 @pytest.fixture(autouse=True)
@@ -43,7 +46,7 @@ def test_close_ups_share_a_view_in_each_row(view):
     figure = close_up_picture(view)
     panels = [axes for axes in figure.axes if axes.images]
     assert len(panels) == 4 * 2
-    assert [axes.get_title(loc="right") for axes in panels[:4]] == ["shown", "truth", "map", "map, p > 0.3"]
+    assert [axes.get_title(loc="right") for axes in panels[:4]] == ["shown", "truth", "map", "map, calibrated for points"]
     assert panels[0].get_title(loc="left").startswith("gap 1: as large as a car")
     for line in (panels[:4], panels[4:]):
         (centre,) = {tuple(circle.center) for axes in line for circle in circles(axes)}
@@ -58,3 +61,8 @@ def test_close_ups_share_a_view_in_each_row(view):
 def test_close_ups_of_chosen_gaps(view):
     figure = close_up_picture(view, {2: "bare ground"})
     assert figure.axes[0].get_title(loc="left") == "gap 3: bare ground"
+
+
+def test_close_ups_of_one_map_alone(view):
+    figure = close_up_picture(replace(view, for_points=None), {2: "bare ground"})
+    assert [axes.get_title(loc="right") for axes in figure.axes if axes.images] == ["shown", "truth", "map"]

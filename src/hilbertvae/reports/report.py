@@ -113,17 +113,20 @@ class Report:
         ours = next((name for name, m in scored.items() if isinstance(getattr(m, "reconstructor", None), Reconstructor)), None)
         rival = next((name for name in RIVALS if name in scored), None)
         shown = gaps.cut(site.fit)
-        fitted = {}
-        for name in filter(None, (ours, rival)):
+
+        def fit(name: str) -> Mapper:
             mapper = scored[name]
             if "seed" in mapper.get_params(deep=False):
                 mapper.set_params(seed=result.gap_seeds[0])
-            fitted[name] = mapper.fit(shown.points, shown.occupied, shown.weight)
+            return mapper.fit(shown.points, shown.occupied, shown.weight)
+
+        fitted = {name: fit(name) for name in (ours, rival) if name}
         if fitted:
             if site.dimension == 3:
                 mapper = fitted[ours or rival]
                 surface = extract_surface(mapper.predict_map, shown, site.resolution_m)
-                view = SiteView.draw(site, gaps, mapper)
+                by_points = f"{ours}-points"
+                view = SiteView.draw(site, gaps, mapper, fit(by_points) if by_points in scored else None)
                 figures |= {"map": site_view_picture(view), "gaps": close_up_picture(view), "slices": slice_picture(view)}
                 telling = list(telling_gaps(view))[:UNSURE_GAPS]
             else:

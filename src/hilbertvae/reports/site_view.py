@@ -15,8 +15,6 @@ from hilbertvae.reports.field import REACH_M, Field
 from hilbertvae.site import Site
 from hilbertvae.voxel_votes import voxel_index
 
-LIKELY_ABOVE = 0.3
-"""In a gap that nobody saw into, a wall's voxels share what is known to be there: most of it lies between this and the cut."""
 UNDERGROUND_M = -0.6
 """What lies deeper is a reflection, and is not drawn."""
 CAR_M, LONGEST_CAR_M = (1.0, 2.2), 6.0
@@ -50,19 +48,20 @@ class SiteView:
     shown: Voxels
     truth: Voxels
     map: Voxels
-    likely: Voxels
-    """The map's, with those that are not sure enough to be called occupied (p > `LIKELY_ABOVE`)."""
     cloud: Cloud
     """What the mapper was shown, free and occupied."""
     sensors: np.ndarray
     """(S, 3) metres: where each sweep began."""
+    for_points: Voxels | None = None
+    """As `map`, by a mapper whose weights are calibrated for points (the paper's reading), if there is one."""
 
     @classmethod
-    def draw(cls, site: Site, gaps: Gaps, mapper: Mapper, reach_m: float = REACH_M) -> SiteView:
-        """Ask a mapper, already fitted on `gaps.cut(site.fit)`, at each voxel at most `reach_m` from that cloud."""
+    def draw(cls, site: Site, gaps: Gaps, mapper: Mapper, by_points: Mapper | None = None, reach_m: float = REACH_M) -> SiteView:
+        """Ask a mapper, already fitted on `gaps.cut(site.fit)`, at each voxel at most `reach_m` from that cloud; `by_points`, too."""
         cloud = gaps.cut(site.fit)
 
-        centres, probability = Field.near(mapper.predict_map, cloud.points, site.resolution_m, reach_m).above(LIKELY_ABOVE)
+        def occupied(mapper: Mapper) -> tuple[np.ndarray, np.ndarray]:
+            return Field.near(mapper.predict_map, cloud.points, site.resolution_m, reach_m).above(OCCUPIED_ABOVE)
 
         def voxels(centres: np.ndarray, probability: np.ndarray | None = None) -> Voxels:
             height = site.ground.height_above(centres)
@@ -72,9 +71,9 @@ class SiteView:
 
         shown, truth = voxels(_voted(cloud, site.resolution_m)), voxels(site.voxels.points[site.voxels.occupied])
         sensors = site.scans.origins[np.unique(site.scans.scan, return_index=True)[1]]
-        likely = voxels(centres, probability)
-        mapped = likely.select(likely.probability > OCCUPIED_ABOVE)
-        return cls(site.name, site.resolution_m, gaps, site.ground, mapper, shown, truth, mapped, likely, cloud, sensors)
+        mapped = voxels(*occupied(mapper))
+        for_points = voxels(*occupied(by_points)) if by_points else None
+        return cls(site.name, site.resolution_m, gaps, site.ground, mapper, shown, truth, mapped, cloud, sensors, for_points)
 
     def in_gaps(self, voxels: Voxels) -> np.ndarray:
         """(N,) bool: the voxels that lie in a gap."""

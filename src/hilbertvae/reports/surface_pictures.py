@@ -17,7 +17,7 @@ from hilbertvae.reports.canvas import new_figure, probability_bar, scale_bar
 from hilbertvae.reports.colours import GAP_COLOUR
 from hilbertvae.reports.lit_colours import GAP_TINT, HEIGHT, HEIGHTS_M, LIT
 from hilbertvae.reports.oblique import Camera, render_voxels, visible
-from hilbertvae.reports.site_view import LIKELY_ABOVE, SiteView, Voxels, one_gap, telling_gaps
+from hilbertvae.reports.site_view import SiteView, Voxels, one_gap, telling_gaps
 
 ELEVATION_DEG = 38.0
 """How far down every picture looks."""
@@ -92,31 +92,31 @@ def _height_bar(figure: Figure, axes, shrink: float = 0.8, aspect: float = 30) -
 
 
 def close_up_picture(view: SiteView, gaps: dict[int, str] | None = None) -> Figure:
-    """A gap a row (`telling_gaps` unless given): shown | truth | map, coloured by height, what lies in gaps tinted, and beside them
-    all that the map holds for likely, coloured by p(occupied): the cut at 0.6 hides what it is nearly sure of."""
+    """A gap a row (`telling_gaps` unless given): shown | truth | map, coloured by height, what lies in gaps tinted, and if the view has it
+    the map calibrated for points, the paper's reading: a voxel on a wall has many of them."""
     chosen = telling_gaps(view) if gaps is None else gaps
+    drawn = {"shown": view.shown, "truth": view.truth, "map": view.map}
+    if view.for_points is not None:
+        drawn["map, calibrated for points"] = view.for_points
     width, height = CLOSE_UP_PX
     side = 3.6
-    figure = new_figure(4 * side + 1.4, max(len(chosen), 1) * (side * height / width + 0.25))
-    panels = figure.subplots(max(len(chosen), 1), 4, squeeze=False)
+    figure = new_figure(len(drawn) * side + 0.9, max(len(chosen), 1) * (side * height / width + 0.25))
+    panels = figure.subplots(max(len(chosen), 1), len(drawn), squeeze=False)
     for line, (gap, why) in zip(panels, chosen.items(), strict=False):
-        windows = [_window(view, voxels, gap) for voxels in (view.shown, view.truth, view.map, view.likely)]
+        windows = [_window(view, voxels, gap) for voxels in drawn.values()]
         camera = _best_view(view, windows[1], gap)
-        for axes, title, voxels in zip(line, ("shown", "truth", "map", f"map, p > {LIKELY_ABOVE:g}"), windows, strict=True):
-            if axes is line[-1]:
-                coloured = (voxels.probability, camera, view.resolution_m, LIT)
-            else:
-                coloured = (voxels.height_m, camera, view.resolution_m, HEIGHT, HEIGHTS_M, view.in_gaps(voxels), GAP_TINT)
-            _show(axes, render_voxels(voxels.centres, *coloured), camera)
+        for axes, title, voxels in zip(line, drawn, windows, strict=True):
+            image = render_voxels(
+                voxels.centres, voxels.height_m, camera, view.resolution_m, HEIGHT, HEIGHTS_M, view.in_gaps(voxels), GAP_TINT
+            )
+            _show(axes, image, camera)
             _outline_balls(axes, one_gap(view.gaps, gap), camera, 1.4)
             axes.set(xlim=(0, width * camera.pixel_m), ylim=(0, height * camera.pixel_m))
             axes.set_title(title, fontsize=10, loc="right", pad=3)
         line[0].set_title(f"gap {gap + 1}: {why}", fontsize=9, loc="left", pad=3)
     for axes in panels[len(chosen) :].ravel():
         axes.set_visible(False)
-    shrink = min(1.0, 1.8 / len(panels))
-    _height_bar(figure, panels[:, :3].ravel().tolist(), shrink=shrink)
-    probability_bar(figure, ScalarMappable(Normalize(0, 1), LIT), panels[:, 3].tolist(), shrink=shrink)
+    _height_bar(figure, panels.ravel().tolist(), shrink=min(1.0, 1.8 / len(panels)))
     return figure
 
 
