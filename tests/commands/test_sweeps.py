@@ -41,7 +41,7 @@ def size_of(sweep: str, case: str) -> str:
 
 def narrow(sweep: str, case: str) -> list[str]:
     """What is large is for a GPU; a CPU sees that it runs."""
-    if size_of(sweep, case) == "quick" or case.startswith("baselines"):
+    if size_of(sweep, case) == "quick" or case.startswith(("baselines", "random-features")):
         return []
     if "paper" in case:
         return ["network.channels=[4,8,8,8]", "network.kernels=[3,3,3,3]", "grid.cells=16"]

@@ -16,6 +16,8 @@ from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
 CUT_GAPS_M = (1.5, 3.5)
 """Diameters of the gaps of each clustering that a network learns from, as in training."""
 MOST_CLUSTERINGS = 8
+READINGS = ("voxels", "points")
+"""What a probability can be calibrated for."""
 
 
 class CompletingMapper(Mapper):
@@ -24,6 +26,21 @@ class CompletingMapper(Mapper):
     adapted_: Reconstructor | None = None
     progress: Callable[[int, int], None] | None = None
     """Called while grids are completed, with how many are done, and how many there are; no setting, since it changes nothing."""
+
+    def fits_like(self, other: Mapper) -> bool:
+        """Whether the two differ in nothing but what their learned weights are calibrated for: their grids are the same."""
+        if type(other) is not type(self) or self.weights == "cluster":  # whose factors are fitted around the calibrated ones
+            return False
+        mine, theirs = self.get_params(deep=False), other.get_params(deep=False)
+        known = {mine.pop("calibration"), theirs.pop("calibration")} <= set(READINGS)
+        return known and all(theirs[name] is value or theirs[name] == value for name, value in mine.items())
+
+    def fit_as(self, other: CompletingMapper) -> CompletingMapper:
+        """Take what `other`, which `fits_like` this one, found in its `fit`; the arrays are shared, not copied."""
+        settings = self.get_params(deep=False)
+        vars(self).update({name: value for name, value in vars(other).items() if name not in settings})
+        self.rank_weights_ = self._rank_weights()
+        return self
 
     def _check_network(self, dimension: int) -> None:
         if self.reconstructor is not None and self.reconstructor.dimension != dimension:

@@ -17,6 +17,7 @@ from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_shown, cloud_clusters, frames_of
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernels
+from hilbertvae.mappers.completing_mapper import READINGS
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
@@ -132,8 +133,8 @@ class HilbertMap(GrowingMapper):
             raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips_!r}")
         if self.weights not in ("unit", "rank", "cluster"):
             raise InputError(f"weights: expected unit, rank or cluster, got {self.weights!r}")
-        if self.calibration not in ("voxels", "points"):
-            raise InputError(f"calibration: expected voxels or points, got {self.calibration!r}")
+        if self.calibration not in READINGS:
+            raise InputError(f"calibration: expected {' or '.join(READINGS)}, got {self.calibration!r}")
 
     def _rank_weights(self) -> RankWeights:
         learned = self.reconstructor.weights if self.reconstructor else {}

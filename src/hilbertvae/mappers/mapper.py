@@ -95,6 +95,10 @@ class Mapper(ClassifierMixin, BaseEstimator):
         self._fit(points, self._learn_labels(y, self.needs_both_classes), weight)
         return self
 
+    def fits_like(self, other: Mapper) -> bool:
+        """Whether `fit` finds the same for both, so that `fit_as` may take what the other found; not unless a mapper says so."""
+        return False
+
     def _learn_labels(self, y: np.ndarray, both: bool) -> np.ndarray:
         """(N,) bool: whether each label `y (N,)` is the greater of the two that there are, kept as `classes_`. One alone is enough unless
         `both` are needed, but only False or True says by itself which of them it is."""

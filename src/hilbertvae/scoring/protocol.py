@@ -12,7 +12,7 @@ from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.scoring.cases import gap_case, occluded_parts, occlusion_case, voxel_keys
+from hilbertvae.scoring.cases import Case, gap_case, occluded_parts, occlusion_case, voxel_keys
 from hilbertvae.scoring.metrics import precision_recall_curve, score
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
@@ -57,49 +57,73 @@ def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper
     Every mapper gets the same `fit` points and, of a gap, neither points nor their places; one that takes a `seed` gets the gap's.
     `progress`, if given, is called with a line of text as each seed is done.
     """
+    return evaluate_alike({name: mapper}, site, protocol, progress)
+
+
+def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, progress=None) -> Result:
+    """`evaluate` of mappers by name that fit alike (`Mapper.fits_like`): the first is fitted for all, and its seconds are theirs."""
     protocol.check()
-    rows: dict = defaultdict(lambda: defaultdict(lambda: defaultdict(list)))
-    seconds: dict = defaultdict(list)
-    curves: dict = defaultdict(list)
-    maps: dict = defaultdict(list)
+    first, *others = mappers.values()
+    found = {name: _Found() for name in mappers}
     every_gap = []
     for seed in protocol.gap_seeds:
         gaps = cut_site(site, protocol, seed)
         every_gap.append({"seed": seed, "centres": gaps.centres.tolist(), "radius_m": gaps.radius_m.tolist()})
-        _prepare(mapper, seed, gaps)
+        for mapper in mappers.values():
+            _prepare(mapper, seed, gaps)
         cases = [site.remember(("gap case", protocol.gap_diameter_m, protocol.centred, seed), lambda gaps=gaps: gap_case(site, gaps))]
-        if protocol.occlusion and "centres" not in mapper.get_params():
+        if protocol.occlusion and "centres" not in first.get_params():
             for region, kept in occluded_parts(site.scans, seed).items():
                 key = (region, kept.tobytes())
                 cases.append(site.remember(key, lambda region=region, kept=kept: occlusion_case(site, region, kept)))
         for case in cases:
-            taken = _fit(mapper, case.shown)
-            if case is cases[0]:  # maps of the gapped site: other cases have other points
-                seconds["fit"].append(taken)
-                _weigh(mapper, maps)
-            for reading, asked in case.asked.items():
-                probability = _ask(mapper, asked.points, seconds)
-                for region, chosen in asked.regions.items():
-                    for metric, value in score(asked.occupied[chosen], probability[chosen]).items():
-                        rows[reading][region][metric].append(value)
-                    if region == "gaps":
-                        curves[reading].append(_curve(asked.occupied[chosen], probability[chosen]))
+            taken = _fit(first, case.shown)
+            for mapper in others:
+                mapper.fit_as(first)
+            for name, mapper in mappers.items():
+                if case is cases[0]:  # maps of the gapped site: other cases have other points
+                    found[name].seconds["fit"].append(taken)
+                    _weigh(mapper, found[name].maps)
+                found[name].ask(mapper, case)
         if progress:
-            found = rows["voxels"]["gaps"]
-            progress(f"{name} on {site.name}, gap seed {seed}: gaps F1 {found['f1'][-1]:.3f} AUC {found['auc'][-1]:.3f} (voxels)")
+            for name, one in found.items():
+                f1, auc = (one.rows["voxels"]["gaps"][metric][-1] for metric in ("f1", "auc"))
+                progress(f"{name} on {site.name}, gap seed {seed}: gaps F1 {f1:.3f} AUC {auc:.3f} (voxels)")
     return Result(
         site=site.name,
         dimension=site.dimension,
         gap_diameter_m=protocol.gap_diameter_m,
         gap_seeds=list(protocol.gap_seeds),
         ceiling=site.remember("ceiling", lambda: ceiling(site)),
-        scores={name: {reading: {region: dict(found) for region, found in regions.items()} for reading, regions in rows.items()}},
-        seconds={name: dict(seconds)},
-        maps={name: dict(maps)},
+        scores={name: one.scores() for name, one in found.items()},
+        seconds={name: dict(one.seconds) for name, one in found.items()},
+        maps={name: dict(one.maps) for name, one in found.items()},
         gaps=every_gap,
-        curves={name: dict(curves)},
+        curves={name: dict(one.curves) for name, one in found.items()},
         protocol=asdict(protocol),
     )
+
+
+@dataclass
+class _Found:
+    """What is found of one mapper, case by case."""
+
+    rows: dict = field(default_factory=lambda: defaultdict(lambda: defaultdict(lambda: defaultdict(list))))
+    seconds: dict = field(default_factory=lambda: defaultdict(list))
+    maps: dict = field(default_factory=lambda: defaultdict(list))
+    curves: dict = field(default_factory=lambda: defaultdict(list))
+
+    def ask(self, mapper: Mapper, case: Case) -> None:
+        for reading, asked in case.asked.items():
+            probability = _ask(mapper, asked.points, self.seconds)
+            for region, chosen in asked.regions.items():
+                for metric, value in score(asked.occupied[chosen], probability[chosen]).items():
+                    self.rows[reading][region][metric].append(value)
+                if region == "gaps":
+                    self.curves[reading].append(_curve(asked.occupied[chosen], probability[chosen]))
+
+    def scores(self) -> dict:
+        return {reading: {region: dict(found) for region, found in regions.items()} for reading, regions in self.rows.items()}
 
 
 def _prepare(mapper: Mapper, seed: int, gaps: Gaps) -> None:
@@ -158,14 +182,25 @@ def evaluate_all(mappers: dict[str, Mapper], site: Site, protocol: Protocol, pro
     """One `Result` of all mappers by name. One that fails is named in `failed`, and the others are scored all the same."""
     best = site.remember("ceiling", lambda: ceiling(site))
     every = Result(site.name, site.dimension, protocol.gap_diameter_m, list(protocol.gap_seeds), best, protocol=asdict(protocol))
-    for name, mapper in mappers.items():
+    for group in alike(mappers):
         try:
-            found = evaluate(mapper, site, protocol, name, progress)
+            every.add(found := evaluate_alike(group, site, protocol, progress))
         except Exception as error:
-            every.failed[name] = f"{type(error).__name__}: {error}"
-            if progress:
-                progress(f"{name} on {site.name} failed: {every.failed[name]}")
+            for name in group:
+                every.failed[name] = f"{type(error).__name__}: {error}"
+                if progress:
+                    progress(f"{name} on {site.name} failed: {every.failed[name]}")
             continue
-        every.add(found)
         every.gaps = found.gaps
     return every
+
+
+def alike(mappers: dict[str, Mapper]) -> list[dict[str, Mapper]]:
+    """The mappers by name, those that fit alike together."""
+    groups: list[dict[str, Mapper]] = []
+    for name, mapper in mappers.items():
+        known = next((group for group in groups if mapper.fits_like(next(iter(group.values())))), None)
+        if known is None:
+            groups.append(known := {})
+        known[name] = mapper
+    return groups

@@ -8,8 +8,6 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor, nn
 
-from hilbertvae.reconstruction.precision import fast_type
-
 NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
 """Coefficients of the quintic that takes all singular values of a matrix to between about 0.7 and 1.2 in five rounds (Jordan 2024)."""
 ROUNDS = 5
@@ -19,16 +17,22 @@ MATCH = 0.2
 
 
 def orthogonalised(matrix: Tensor) -> Tensor:
-    """(A, B), in the `fast_type`: U V^T, roughly, of U S V^T = `matrix (A, B)`, so that no direction drowns another."""
+    """(A, B): U V^T, roughly, of U S V^T = `matrix (A, B)`, so that no direction drowns another.
+
+    Each round takes X to q(X X^T) X. All that it needs of X is its Gram matrix, which is small, so the rounds are worked out on that one
+    and the product of all q is applied to `matrix` once: half the time for one nine times as wide as tall.
+    """
     a, b, c = NEWTON_SCHULZ
-    x = matrix.to(fast_type(matrix.device.type))
-    tall = x.shape[0] > x.shape[1]
-    x = x.T if tall else x
+    x = matrix.T if matrix.shape[0] > matrix.shape[1] else matrix
     x = x / x.norm().clamp_min(1e-7)
+    gram, product = x @ x.T, torch.eye(len(x), dtype=x.dtype, device=x.device)
     for _ in range(ROUNDS):
-        gram = x @ x.T
-        x = torch.addmm(x, torch.addmm(gram, gram, gram, beta=b, alpha=c), x, beta=a)
-    return x.T if tall else x
+        q = torch.addmm(gram, gram, gram, beta=b, alpha=c)
+        q.diagonal().add_(a)
+        product = q @ product
+        gram = q @ gram @ q  # all of these are polynomials of one matrix, and commute
+    x = product @ x
+    return x.T if matrix.shape[0] > matrix.shape[1] else x
 
 
 class Muon(torch.optim.AdamW):
@@ -65,7 +69,7 @@ class Muon(torch.optim.AdamW):
         mean = state["exp_avg"].lerp_(gradient, 1 - self.momentum)
         step = orthogonalised(gradient.lerp(mean, self.momentum).flatten(1))
         weights.mul_(1 - rate * decay)
-        weights.add_(step.reshape(weights.shape).to(weights.dtype), alpha=-rate * MATCH * math.sqrt(max(step.shape)))
+        weights.add_(step.reshape(weights.shape), alpha=-rate * MATCH * math.sqrt(max(step.shape)))
         weights.grad = None  # AdamW leaves those without one alone
 
 

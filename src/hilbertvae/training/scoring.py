@@ -12,7 +12,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.scoring.calibration import learn_rank_weights
-from hilbertvae.scoring.protocol import evaluate_all
+from hilbertvae.scoring.protocol import alike, evaluate_all
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 from hilbertvae.training.opened_sites import opened_site
@@ -67,9 +67,7 @@ def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
 
 def _side_by_side(settings: Settings, mappers: dict[str, Mapper], reference: str) -> Result:
     """`evaluate_all` with some mappers at a time. A site is opened once in each process: to send it would take as long."""
-    found = Parallel(n_jobs=settings.scoring_processes)(
-        delayed(_evaluate_one)(settings, reference, name, mapper) for name, mapper in mappers.items()
-    )
+    found = Parallel(n_jobs=settings.scoring_processes)(delayed(_evaluate_some)(settings, reference, group) for group in alike(mappers))
     every, *others = found
     for result in others:
         every.add(result)
@@ -77,8 +75,8 @@ def _side_by_side(settings: Settings, mappers: dict[str, Mapper], reference: str
     return every
 
 
-def _evaluate_one(settings: Settings, reference: str, name: str, mapper: Mapper) -> Result:
-    return evaluate_all({name: mapper}, opened_site(reference, settings), settings.evaluation, progress=print)
+def _evaluate_some(settings: Settings, reference: str, mappers: dict[str, Mapper]) -> Result:
+    return evaluate_all(mappers, opened_site(reference, settings), settings.evaluation, progress=print)
 
 
 def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconstructor | None) -> dict[str, Mapper]:
