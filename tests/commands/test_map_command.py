@@ -18,6 +18,7 @@ import hilbertvae
 from hilbertvae.commands import map as map_command
 from hilbertvae.commands import query as query_command
 from hilbertvae.exports.grid_npz import read_grid
+from hilbertvae.mappers.weights import RankWeights
 from hilbertvae.mapping import MapSettings, make_map
 from hilbertvae.scans.formats import read_scans_path
 from toy_rooms import carmen_line, tiny_reconstructor, write_log
@@ -130,6 +131,20 @@ def test_the_network_may_learn_from_the_scans_first(mapped, tmp_path):
     said = [dict(zip(map(tuple, cells.index), cells.probability, strict=True)) for cells in (plain, found)]
     assert any(said[0][cell] != said[1][cell] for cell in said[0].keys() & said[1].keys())
     assert json.loads((learned / "summary.json").read_text())["adapt_steps"] == 1
+
+
+def test_the_calibration_is_the_user_s(room, tmp_path):
+    scans, network = npz_of(room, tmp_path / "room.npz"), tiny_reconstructor()
+    for reading, constant in (("voxels", -1.0), ("points", 1.0)):
+        network.weights[reading] = RankWeights(np.append(np.full(5, 0.1), constant), np.full(15, 0.1), np.full(6, 0.1)).plain()
+    weights, filled = str(network.save(tmp_path / "learned.safetensors")), {}
+    for reading in ("voxels", "points"):
+        settings = MapSettings(scans=str(scans), output=str(tmp_path / reading), weights=weights, calibration=reading, exports=["npz"])
+        output = make_map(settings)
+        summary = json.loads((output / "summary.json").read_text())
+        assert summary["calibration"] == reading == hilbertvae.load_map(output / "map.safetensors").calibration
+        filled[reading] = summary["cells"]["filled"]["occupied"]
+    assert filled["points"] > filled["voxels"]
 
 
 def test_a_map_is_filled_from_a_map(mapped, tmp_path):

@@ -53,6 +53,7 @@ def test_3d_scans_without_poses_name_the_way_out(box, tmp_path, capsys):
         (["scans=???"], "???"),
         (["scans=[/2020]/x"], "[/2020]/x"),
         (["scans=reading.d"], "reading.d"),
+        (["scans=room.npz", "calibration=pixels"], "calibration: expected voxels or points, got 'pixels'"),
         (["scans=room.npz", "every=often"], "every: expected int"),
         (["scans=room.yaml", "max_range_m=3"], "max_range_m: room.yaml is a map"),
     ],

@@ -153,8 +153,7 @@ class HilbertMap(GrowingMapper):
         part = gaps.part(cloud.points)
         hidden = bin_shown(cloud.select(part == OUTSIDE), self.frames_, self.grid_, self.detailed_)
         target = cloud.select(part != OUTSIDE)
-        holding = self.index_.holding(target.points, self.neighbours)
-        (values,) = kernels([self._complete(hidden).value], self.frames_, target.points, holding)
+        holding, values = self._look_up(target.points, self._complete(hidden).value)
         held = (holding != NONE).sum(axis=1)
         weights = self.rank_weights_
         if weights.level:
@@ -165,15 +164,17 @@ class HilbertMap(GrowingMapper):
     def features(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
         """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, the evidence
         (S, F) of those whose was, and how far away (Q,) returns are from those that no box holds (`Evidence.away`)."""
-        phi = self._features(queries)
+        phi = self._features(queries, *self._look_up(queries, self.grids_))
         away, beyond = np.full(len(queries), np.inf), (phi[1] == 0) & ~phi[2] & (self.evidence and self.fill)
         away[beyond] = self.evidence_.away(queries[beyond])
         return *phi, away
 
-    def _features(self, queries, holding=None, values=None):
-        if holding is None:
-            holding = self.index_.holding(queries, self.neighbours)
-            (values,) = kernels([self.grids_], self.frames_, queries, holding)
+    def _look_up(self, queries, *grids):
+        """The boxes that hold each query (Q, K), and the kernel values (Q, K) of each of `grids` there."""
+        holding = self.index_.holding(queries, self.neighbours)
+        return holding, *kernels(list(grids), self.frames_, queries, holding)
+
+    def _features(self, queries, holding, values):
         if self.factors_ is not None:
             values *= np.where(holding != NONE, self.factors_[holding], 0.0)
         voxel = self.evidence_.find(queries) if self.evidence else np.full(len(queries), NONE)
@@ -192,9 +193,8 @@ class HilbertMap(GrowingMapper):
         return answer_in_chunks(self._faded, self._checked(queries), self.chunk)
 
     def _faded(self, queries):
-        holding = self.index_.holding(queries, self.neighbours)
         grids = [self.grids_] if self.known_ is None else [self.grids_, self.known_]
-        values, *said = kernels(grids, self.frames_, queries, holding)  # in one pass, since both are read at the same cells
+        holding, values, *said = self._look_up(queries, *grids)  # in one pass, since both are read at the same cells
         plain = expit(self.rank_weights_.logit(*self._features(queries, holding, values)))
         fade = np.minimum(self._known_or_seen(queries, holding, said) / SHOWN_FROM[queries.shape[1]], 1.0)
         return np.where(fade < 1.0, 0.5 + (plain - 0.5) * fade, plain)
@@ -208,7 +208,7 @@ class HilbertMap(GrowingMapper):
         return answer_in_chunks(self._spread, self._checked(queries), self.chunk)
 
     def _spread(self, queries):
-        features = self._features(queries)
+        features = self._features(queries, *self._look_up(queries, self.grids_))
         held, seen = features[1], features[2]
         alone = expit(self.rank_weights_.logits_alone(*features))
         inside = np.arange(alone.shape[1]) < held[:, None]
