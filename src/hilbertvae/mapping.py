@@ -23,10 +23,10 @@ from hilbertvae.exports.map_picture import write_picture
 from hilbertvae.exports.page import write_page
 from hilbertvae.exports.summary import map_summary, point_counts, summary_tables
 from hilbertvae.files import write_json
-from hilbertvae.mappers.completing_mapper import READINGS
 from hilbertvae.mappers.given_map import GivenMap, is_given_map, read_given_map
 from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.saved_map import save_map
+from hilbertvae.mappers.weights import check_calibration
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from hilbertvae.scans.scan import Scans
@@ -80,8 +80,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         check_positive(settings.resolution_m, "resolution_m")
     check_names(settings.exports)
     check_device(settings.device)
-    if settings.calibration not in READINGS:
-        raise InputError(f"calibration: expected {' or '.join(READINGS)}, got {settings.calibration!r}")
+    check_calibration(settings.calibration)
     mapper = load_mapper(settings.weights) if settings.weights else None  # before the scans, which may take long
     name = Path(settings.scans).resolve().name
     output = Path(settings.output or Path("outputs/maps") / name)

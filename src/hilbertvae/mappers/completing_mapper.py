@@ -10,14 +10,13 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.grids.training_grids import gapped_grids
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.mappers.weights import READINGS
 from hilbertvae.reconstruction.adaptation import adapted, batch_size
 from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
 
 CUT_GAPS_M = (1.5, 3.5)
 """Diameters of the gaps of each clustering that a network learns from, as in training."""
 MOST_CLUSTERINGS = 8
-READINGS = ("voxels", "points")
-"""What a probability can be calibrated for."""
 
 
 class CompletingMapper(Mapper):
@@ -36,9 +35,8 @@ class CompletingMapper(Mapper):
         return known and all(theirs[name] is value or theirs[name] == value for name, value in mine.items())
 
     def fit_as(self, other: CompletingMapper) -> CompletingMapper:
-        """Take what `other`, which `fits_like` this one, found in its `fit`; the arrays are shared, not copied."""
-        settings = self.get_params(deep=False)
-        vars(self).update({name: value for name, value in vars(other).items() if name not in settings})
+        """As every mapper's, but for the weights, which are this one's own."""
+        super().fit_as(other)
         self.rank_weights_ = self._rank_weights()
         return self
 

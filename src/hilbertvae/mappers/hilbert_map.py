@@ -17,12 +17,11 @@ from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_shown, cloud_clusters, frames_of
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernels
-from hilbertvae.mappers.completing_mapper import READINGS
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
 from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
-from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, levelled, unit_weights
+from hilbertvae.mappers.weights import RankWeights, check_calibration, fit_cluster_weights, levelled, unit_weights
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 HIDDEN_GAP_M = 2.5
@@ -133,8 +132,7 @@ class HilbertMap(GrowingMapper):
             raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips_!r}")
         if self.weights not in ("unit", "rank", "cluster"):
             raise InputError(f"weights: expected unit, rank or cluster, got {self.weights!r}")
-        if self.calibration not in READINGS:
-            raise InputError(f"calibration: expected {' or '.join(READINGS)}, got {self.calibration!r}")
+        check_calibration(self.calibration)
 
     def _rank_weights(self) -> RankWeights:
         learned = self.reconstructor.weights if self.reconstructor else {}

@@ -99,6 +99,12 @@ class Mapper(ClassifierMixin, BaseEstimator):
         """Whether `fit` finds the same for both, so that `fit_as` may take what the other found; not unless a mapper says so."""
         return False
 
+    def fit_as(self, other: Mapper) -> Mapper:
+        """Take what `other`, which `fits_like` this one, found in its `fit`; the arrays are shared, not copied."""
+        settings = self.get_params(deep=False)
+        vars(self).update({name: value for name, value in vars(other).items() if name not in settings})
+        return self
+
     def _learn_labels(self, y: np.ndarray, both: bool) -> np.ndarray:
         """(N,) bool: whether each label `y (N,)` is the greater of the two that there are, kept as `classes_`. One alone is enough unless
         `both` are needed, but only False or True says by itself which of them it is."""

@@ -14,10 +14,18 @@ from scipy.special import expit
 
 from hilbertvae.checks import InputError
 
+READINGS = ("voxels", "points")
+"""What a probability can be calibrated for."""
 NAMES = ("unseen", "seen", "everywhere", "beyond")
 MOST_STEPS, SMALLEST_PACE = 100, 1e-12
 NEAR_ZERO = 1e-2
 """A weight that shall not be negative may count as 0 from here on, if a plain gradient step would take some weight as far."""
+
+
+def check_calibration(calibration: str) -> None:
+    """An `InputError` for what no weights are learned for."""
+    if calibration not in READINGS:
+        raise InputError(f"calibration: expected {' or '.join(READINGS)}, got {calibration!r}")
 
 
 @dataclass(frozen=True)
