@@ -45,6 +45,15 @@ def test_the_optimum_by_another_road(sparse):
     np.testing.assert_allclose(found, expected.x, atol=1e-3)
 
 
+@pytest.mark.parametrize("sparse", [False, True])
+def test_a_query_that_counts_for_three_is_there_three_times(sparse):
+    x, y = problem()
+    offset, counts = np.linspace(-1, 1, len(x)), np.where(y, 3, 1)
+    found = logistic_weights(csr_matrix(x) if sparse else x, y, np.array([0, 2]), offset=offset, counts=counts)
+    thrice = [np.repeat(each, counts, axis=0) for each in (x, y, offset)]
+    np.testing.assert_allclose(found, logistic_weights(*thrice[:2], np.array([0, 2]), offset=thrice[2]), atol=1e-6)
+
+
 @given(seed=st.integers(0, 10_000), likeness=st.floats(0, 0.999), scale=st.floats(0.01, 100))
 @example(seed=0, likeness=0.9921875, scale=2.0)  # a weight just above 0 stood in the way of all the others
 @settings(max_examples=30, deadline=None)
@@ -167,6 +176,16 @@ def test_rank_weights_are_found_again():
     np.testing.assert_allclose(found.unseen, true.unseen, atol=0.15)
     np.testing.assert_allclose(found.seen, true.seen, atol=0.1)
     assert (found.unseen[:ranks] >= 0).all() and found.seen[0] >= 0 and found.seen[-2] >= 0
+
+
+def test_occupied_queries_may_count_for_more():
+    """Twice the odds, so that the cut of 0.6 lies where 3 of 7 are occupied: with features that say nothing, the constants tell."""
+    rng = np.random.default_rng(0)
+    seen, occupied = np.arange(8000) % 2 == 0, rng.random(8000) < 0.3
+    nothing = np.zeros((8000, 2)), np.full(8000, 2), seen, np.zeros((4000, 1)), np.full(8000, np.inf), occupied
+    once, twice = fit_rank_weights(*nothing), fit_rank_weights(*nothing, 2.0)
+    for name in ("unseen", "seen"):
+        assert getattr(twice, name)[-1] - getattr(once, name)[-1] == pytest.approx(np.log(2), abs=1e-3)
 
 
 def test_weights_of_grids_alone_are_fitted_on_every_query_in_a_box():

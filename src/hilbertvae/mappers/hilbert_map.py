@@ -21,7 +21,7 @@ from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
 from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
-from hilbertvae.mappers.weights import RankWeights, check_calibration, fit_cluster_weights, levelled, unit_weights
+from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, RankWeights, check_calibration, fit_cluster_weights, levelled, unit_weights
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 HIDDEN_GAP_M = 2.5
@@ -157,7 +157,8 @@ class HilbertMap(GrowingMapper):
         if weights.level:
             values = levelled(values, held)
         offset = np.where(held > 0, weights.unseen[-1], 0.0)
-        return fit_cluster_weights(values, holding, offset, weights.unseen[:-1], target.occupied, len(self.frames_), self.ridge)
+        counts = np.where(target.occupied, OCCUPIED_WEIGHT[self.calibration], 1.0)
+        return fit_cluster_weights(values, holding, offset, weights.unseen[:-1], target.occupied, len(self.frames_), self.ridge, counts)
 
     def features(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
         """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, the evidence

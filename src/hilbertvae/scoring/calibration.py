@@ -9,7 +9,7 @@ import numpy as np
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import OUTSIDE, RIM, random_gaps
 from hilbertvae.mappers.hilbert_map import HilbertMap
-from hilbertvae.mappers.weights import fit_rank_weights
+from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, fit_rank_weights
 from hilbertvae.scoring.cases import occluded_parts, occlusion_case
 from hilbertvae.site import Site
 
@@ -47,7 +47,10 @@ def learn_rank_weights(mapper: HilbertMap, site: Site, gap_diameter_m: float, se
         if len(asked.points) and case.shown.occupied.any():
             _show(mapper, case.shown, seed)
             gather("voxels", Cloud(asked.points, asked.occupied, np.ones(len(asked.points))), np.arange(len(asked.points)), seed)
-    learned = {name: fit_rank_weights(*map(np.concatenate, zip(*portions, strict=True))) for name, portions in gathered.items()}
+    learned = {
+        name: fit_rank_weights(*map(np.concatenate, zip(*portions, strict=True)), OCCUPIED_WEIGHT[name])
+        for name, portions in gathered.items()
+    }
     # Gaps leave no place without a box, so only what is occluded tells what is beyond them.
     learned["points"] = replace(learned["points"], beyond=learned["voxels"].beyond)
     return {name: weights.plain() for name, weights in learned.items()}
