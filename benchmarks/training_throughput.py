@@ -45,9 +45,8 @@ class Training:
 
     def __init__(self, batch: int, bf16: bool, channels_last: bool):
         torch.manual_seed(0)
-        self.network = build_network(GatedNetworkSettings(), 2, CELLS).train()
-        if channels_last:
-            self.network = self.network.to(memory_format=torch.channels_last)
+        layout = torch.channels_last if channels_last else torch.contiguous_format
+        self.network = build_network(GatedNetworkSettings(), 2, CELLS).train().to(memory_format=layout)
         self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=1e-3)
         self.likelihood = Bernoulli(LikelihoodSettings())
         self.bf16 = bf16

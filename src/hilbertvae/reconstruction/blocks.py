@@ -13,6 +13,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.grids.aligned_grid import COUNT_STEPS, PLACE_STEPS
 
 CONVOLUTION = {2: nn.Conv2d, 3: nn.Conv3d}
+CHANNELS_LAST = {2: torch.channels_last, 3: torch.channels_last_3d}
 MAX_POOL = {2: F.max_pool2d, 3: F.max_pool3d}
 MEAN_POOL = {2: F.avg_pool2d, 3: F.avg_pool3d}
 CONVOLVE = {2: F.conv2d, 3: F.conv3d}

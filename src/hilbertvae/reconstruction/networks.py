@@ -5,6 +5,7 @@ from __future__ import annotations
 from torch import nn
 
 from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.blocks import CHANNELS_LAST
 from hilbertvae.reconstruction.conditional_network import ConditionalNetwork, ConditionalNetworkSettings
 from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetwork, PaperNetworkSettings
@@ -28,5 +29,5 @@ def network_settings(values: dict) -> NetworkSettings:
 
 
 def build_network(settings: NetworkSettings, dimension: int, cells: int) -> nn.Module:
-    """A network with fresh weights for grids of `cells`^dimension."""
-    return NETWORKS[settings.kind][1](settings, dimension, cells)
+    """A network with fresh weights for grids of `cells`^dimension, its channels last in memory, which spares convolutions a copy."""
+    return NETWORKS[settings.kind][1](settings, dimension, cells).to(memory_format=CHANNELS_LAST[dimension])

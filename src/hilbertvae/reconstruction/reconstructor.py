@@ -162,7 +162,7 @@ class Reconstructor:
             network = build_network(settings, described["dimension"], grid.cells)
             network.load_state_dict(unpack(tensors))
             return cls(
-                network=network.to(memory_format=torch.channels_last) if described["dimension"] == 2 else network,
+                network=network,
                 network_settings=settings,
                 likelihood=likelihood,
                 grid=grid,

@@ -30,8 +30,6 @@ class ReconstructionModule(L.LightningModule):
         self.settings = settings
         self.save_hyperparameters({"settings": asdict(settings)})  # plain containers: anything else would not load again
         self.network = build_network(settings.network, settings.dimension, settings.grid.cells)
-        if settings.dimension == 2:
-            self.network = self.network.to(memory_format=torch.channels_last)
         self.likelihood = LIKELIHOODS[settings.likelihood.kind](settings.likelihood)
         self.total_steps = settings.trainer.epochs * settings.trainer.steps_per_epoch
 
