@@ -39,7 +39,7 @@ class HilbertMap(GrowingMapper):
     ----------
     reconstructor: a `Reconstructor`, or None for the raw grids (the paper's "naive approach").
     weights: `rank` (learned on the validation site, kept with the network), `unit`, or `cluster` (refitted on this site).
-    calibration: the reading that `rank` weights were fitted on, `voxels` or `points`: a probability is calibrated for one of them.
+    calibration: the reading that `rank` weights were fitted on: `voxels`, for probabilities, or `points`, for the cut of 0.6.
     neighbours: K, how many grids answer a query. `rank` weights belong to one K and are learned anew for another (`calibration.py`).
     inner_radius_m: how far clusters stand apart; as in training unless given.
     flips: symmetries over which a reconstruction is averaged, 1, 2, 4 or 8; `FLIPS` of the dimension unless given.

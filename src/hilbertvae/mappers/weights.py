@@ -15,7 +15,7 @@ from scipy.special import expit
 from hilbertvae.checks import InputError
 
 READINGS = ("voxels", "points")
-"""What a probability can be calibrated for."""
+"""What weights can be fitted on."""
 OCCUPIED_WEIGHT = {"voxels": 1.0, "points": 2.0}
 """By reading, how many queries one that is occupied counts for. Voxels: a probability is the share that is occupied. Points are scored
 at the cuts (METHOD 5: these weights calibrate them), and F1 is highest where less than a half is occupied: with 2, the cut of 0.6 lies

@@ -20,8 +20,8 @@ def learn_rank_weights(mapper: HilbertMap, site: Site, gap_diameter_m: float, se
     """Plain rank weights by reading (`points`, `voxels`), from inputs with parts hidden, and what was hidden.
 
     Hidden are gaps and held-out beams, and for `voxels` also what scans that were left out saw (`occlusion`): a map that is sure in
-    gaps alone would be as sure behind things. One network serves both readings; only these weights differ, since a probability is
-    calibrated for what it was fitted on.
+    gaps alone would be as sure behind things. One network serves both readings; only these weights differ: a probability is
+    calibrated for the cells it was fitted on, the cuts for the points (`OCCUPIED_WEIGHT`).
     """
     gathered: dict[str, list] = {"points": [], "voxels": []}
     most = MOST_QUERIES // len(seeds)
