@@ -59,6 +59,16 @@ def test_only_what_was_hidden_teaches(learning):
             assert {tuple(query) for query in queries} == wanted
 
 
+def test_occupied_points_count_for_more(learning, monkeypatch):
+    """Alone of the two readings, points are for the cuts: the odds of what is not seen rise, by as much as an occupied query counts for."""
+    _, learned, place = learning
+    monkeypatch.setattr(calibration, "OCCUPIED_WEIGHT", {"voxels": 1.0, "points": 1.0})
+    as_shares = learn_rank_weights(HilbertMap(tiny_reconstructor(place.dimension)), place, 1.2, [100, 101], occlusion=False)
+    assert as_shares["voxels"] == learned["voxels"]
+    rise = learned["points"]["unseen"][-1] - as_shares["points"]["unseen"][-1]
+    assert np.log(1.5) < rise < np.log(3)
+
+
 @pytest.mark.parametrize("reading", ["points", "voxels"])
 def test_what_was_learned_is_better_than_unit_weights(learning, reading):
     """On what it was learned from, in nats."""
