@@ -41,13 +41,10 @@ def size_of(sweep: str, case: str) -> str:
 
 def narrow(sweep: str, case: str) -> list[str]:
     """What is large is for a GPU; a CPU sees that it runs."""
-    small = ["network.channels=[4,8,8,8]", "network.kernels=[3,3,3,3]", "grid.cells=16"]
-    if (sweep, case) == ("fig6", "full"):
-        return small
     if size_of(sweep, case) == "quick" or case.startswith(("baselines", "random-features")):
         return []
     if "paper" in case:
-        return small
+        return ["network.channels=[4,8,8,8]", "network.kernels=[3,3,3,3]", "grid.cells=16"]
     return [f"network.channels={[8] * (4 if sweep == 'table1' else 2)}"]
 
 
@@ -155,15 +152,12 @@ class TestASweepSurvives:
         assert again.stdout.count("finished before") == 3 and "trained before" not in again.stdout
 
     def test_a_failed_job_is_written_down_and_the_others_are_kept(self, tmp_path):
-        """By joblib's workers, two jobs at a time, which train the network that they share once."""
-        done = multirun(tmp_path, "cases/ablation=default,weights-unit", "seed=-1,0", "launcher=joblib")
+        done = multirun(tmp_path, "cases/ablation=default", "seed=-1,0")
         folder = tmp_path / "outputs/debug/ablation-quick"
-        assert done.returncode == 1 and "2 of 4 jobs have results" in done.stdout
+        assert done.returncode == 1 and "1 of 2 jobs have results" in done.stdout
         assert "FAILED default-seed-1: run: InputError: seed" in done.stdout
         assert read_result(folder / "default-seed-1/result.json")[0].failed.keys() == {"run"}
-        for case in ("default", "weights-unit"):
-            assert not read_result(folder / f"{case}-seed0/result.json")[0].failed
-        assert len(list((tmp_path / "outputs/trained").glob("*.safetensors"))) == 1
+        assert not read_result(folder / "default-seed0/result.json")[0].failed
 
     def test_a_setting_that_no_mapper_knows_fails_the_job(self, tmp_path):
         done = multirun(tmp_path, "cases/ablation=default", "+mapper.cvae-hm.neighbors=1")
@@ -177,9 +171,10 @@ class TestASweepSurvives:
         assert about["config"]["case"] == "default"
 
 
-def test_submitit_runs_the_jobs(tmp_path):
-    pytest.importorskip("submitit")
-    done = multirun(tmp_path, "cases/ablation=default,weights-unit", "launcher=submitit_local")
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+def test_launchers_run_the_jobs(launcher, tmp_path):
+    pytest.importorskip({"joblib": "hydra_plugins.hydra_joblib_launcher", "submitit_local": "submitit"}[launcher])
+    done = multirun(tmp_path, "cases/ablation=default,weights-unit", f"launcher={launcher}")
     assert done.returncode == 0, done.stderr
     for case in ("default", "weights-unit"):
         result, _ = read_result(tmp_path / f"outputs/debug/ablation-quick/{case}-seed0/result.json")

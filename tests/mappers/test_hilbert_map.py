@@ -11,10 +11,8 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
 from hilbertvae.grids.kernel import kernel
-from hilbertvae.mappers import hilbert_map
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.hilbert_map import HilbertMap
-from hilbertvae.mappers.weights import fit_cluster_weights
 from hilbertvae.voxel_votes import voxel_index
 from toy_rooms import tiny_grid
 
@@ -228,34 +226,6 @@ def test_the_spread_is_that_of_what_each_grid_alone_would_answer(fitted):
             said.append(1 / (1 + np.exp(-mapper.rank_weights_.logit(*features)[0])))
         assert found[q] == pytest.approx(np.std(said), abs=1e-4)
     assert found[~observed & (holding[:, 1] >= 0)].max() > 0.001 or mapper.reconstructor is None
-
-
-def test_cluster_weights_are_fitted_without_what_is_to_be_scored(room, monkeypatch):
-    """The gaps hidden for that fit are cut from the given cloud, and the network never sees them while it answers for them."""
-    shown = []
-    made = reconstructor()
-    original = type(made).complete
-    monkeypatch.setattr(
-        type(made), "complete", lambda self, grids, *rest, **named: shown.append(grids) or original(self, grids, *rest, **named)
-    )
-    cloud = gapped(room)
-    mapper = fit(HilbertMap(made, weights="cluster"), cloud)
-    hidden, whole = shown
-    removed = (hidden == 0) & (whole != 0)
-    assert removed.any() and (hidden[~removed] == whole[~removed]).all()
-    assert mapper.factors_.shape == (len(mapper.frames_),) and (mapper.factors_ >= 0).all()
-    assert (mapper.factors_ != 1).any()
-
-
-@pytest.mark.parametrize(("calibration", "share"), [("voxels", 1), ("points", 2)])
-def test_cluster_weights_for_points_count_occupied_points_twice(room, monkeypatch, calibration, share):
-    given = []
-    monkeypatch.setattr(
-        hilbert_map, "fit_cluster_weights", lambda *known: given.append((known[4], known[-1])) or fit_cluster_weights(*known)
-    )
-    fit(HilbertMap(reconstructor(), weights="cluster", calibration=calibration), gapped(room))
-    ((occupied, counts),) = given
-    assert set(counts[occupied]) == {share} and set(counts[~occupied]) == {1}
 
 
 def test_parameters_and_clone():

@@ -117,7 +117,8 @@ def fit_rank_weights(values, held, seen, evidence, away, occupied, occupied_weig
     if not unseen.any() or not seen.any():
         raise InputError("rank weights: expected queries both in gaps and in observed voxels")
     ranks = np.arange(values.shape[1])
-    features, counts = np.column_stack([levelled(values, held), np.ones(len(values))]), np.where(occupied, occupied_weight, 1.0)
+    counts = np.where(occupied, occupied_weight, 1.0)
+    features = np.column_stack([levelled(values, held), np.ones(len(values))])
     in_gaps = logistic_weights(features[unseen], occupied[unseen], nonnegative=ranks, counts=counts[unseen])
     # No constant here: the paper's grids say 0 where they know nothing, and there p must be 0.5.
     everywhere = np.append(logistic_weights(values[inside], occupied[inside], nonnegative=ranks, counts=counts[inside]), 0.0)
