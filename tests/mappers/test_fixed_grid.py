@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from hilbertvae.checks import InputError
-from hilbertvae.mappers.fixed_grid import SMALLEST, FixedGridMapper, GridFeatures
+from hilbertvae.mappers.fixed_grid import FixedGridMapper
+from hilbertvae.mappers.grid_features import SMALLEST, GridFeatures, grid_nodes
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3, 4])
@@ -36,6 +37,22 @@ def test_centres_lie_on_the_grid_at_the_data_and_beside_it(dimension):
     centres = GridFeatures(points, 0.5, 4.0).centres
     assert len(centres) == len(expected)
     assert {tuple(node) for node in np.round(centres / 0.5).astype(int).tolist()} == expected
+    np.testing.assert_array_equal(grid_nodes(points, 0.5) * 0.5, centres)
+
+
+def test_with_more_axes_than_three_nodes_are_searched():
+    rng = np.random.default_rng(4)
+    points, queries = rng.uniform(-2, 2, (40, 4)), rng.uniform(-3, 3, (60, 4))
+    searched = FixedGridMapper().fit(points, points[:, 0] > 0).features_
+    stepped = GridFeatures(points, 0.5, 4.0)
+    assert not isinstance(searched, GridFeatures)
+    np.testing.assert_array_equal(searched.centres, stepped.centres)
+    np.testing.assert_allclose(searched(queries).toarray(), stepped(queries).toarray(), rtol=1e-12)
+
+
+def test_points_too_far_apart_are_refused():
+    with pytest.raises(InputError, match="points: extent .* is too large for centres every 0.5 m; is there an outlier?"):
+        FixedGridMapper().fit([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1e7, 1e7, 1e7]], [False, True, True])
 
 
 def test_far_from_the_data_only_the_intercept_speaks():

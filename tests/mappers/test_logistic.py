@@ -7,7 +7,7 @@ from sklearn.linear_model import LogisticRegression
 
 from hilbertvae.checks import InputError
 from hilbertvae.mappers.fixed_grid import FixedGridMapper
-from hilbertvae.mappers.logistic import balanced_weight, fit_logistic
+from hilbertvae.mappers.logistic import INTERCEPT_PACE, balanced_weight, fit_logistic
 
 
 def problem(count=400, columns=6, seed=0):
@@ -45,6 +45,41 @@ def test_reaches_the_optimum_of_the_elastic_net(l1_share):
     reference = loss(features, occupied, weight, scaled.coef_[0], scaled.intercept_[0], penalty, l1_share)
     assert loss(features, occupied, weight, weights, intercept, penalty, l1_share) < reference + 2e-3
     np.testing.assert_allclose(weights, scaled.coef_[0], atol=0.15)
+
+
+def step_by_step(features, occupied, weight, penalty, l1_share, epochs, batch_size, rate=5.0):
+    """`fit_logistic`, written out."""
+    random, count, weight = np.random.default_rng(0), len(occupied), weight / weight.mean()
+    share = np.average(occupied, weights=weight)
+    value, squared, kept = np.append(np.zeros(features.shape[1]), np.log(share / (1 - share))), np.zeros(features.shape[1] + 1), []
+    for _ in range(epochs):
+        order = random.permutation(count)
+        for start in range(0, count, batch_size):
+            rows = order[start : start + batch_size]
+            wrong = weight[rows] * (expit(features[rows] @ value[:-1] + value[-1]) - occupied[rows]) / len(rows)
+            gradient = np.append(features[rows].T @ wrong, wrong.sum())
+            squared += gradient**2
+            pace = rate / np.sqrt(np.maximum(squared, np.finfo(float).tiny))
+            pace[-1] *= INTERCEPT_PACE
+            value -= pace * gradient
+            amount = pace[:-1] * penalty
+            value[:-1] = np.sign(value[:-1]) * np.maximum(np.abs(value[:-1]) - amount * l1_share, 0) / (1 + amount * (1 - l1_share))
+            kept.append(value.copy())
+    mean = np.mean(kept[len(kept) // 2 :], axis=0)
+    return mean[:-1], mean[-1]
+
+
+@pytest.mark.parametrize(("penalty", "l1_share"), [(0.0, 0.0), (1e-6, 0.15), (1e-3, 0.15), (1e-2, 1.0), (1e-2, 0.0), (0.3, 0.5)])
+@pytest.mark.parametrize("dense", [False, True])
+def test_takes_the_steps_that_it_says(penalty, l1_share, dense):
+    rng = np.random.default_rng(5)
+    features = np.where(rng.random((300, 80)) < 0.03, rng.random((300, 80)), 0.0)
+    occupied, weight = features @ rng.normal(0, 2, 80) + rng.normal(0, 0.3, 300) > 0, rng.integers(1, 5, 300).astype(float)
+    how = {"penalty": penalty, "l1_share": l1_share, "epochs": 3, "batch_size": 10}
+    weights, intercept = fit_logistic(features if dense else csr_array(features), occupied, weight, **how)
+    expected = step_by_step(features, occupied, weight, **how)
+    np.testing.assert_allclose(weights, expected[0], rtol=1e-10, atol=1e-12)
+    assert intercept == pytest.approx(expected[1], rel=1e-12)
 
 
 def test_a_lasso_has_exact_zeros_and_an_untouched_column_stays_zero():

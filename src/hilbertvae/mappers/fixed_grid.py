@@ -2,27 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from hilbertvae.checks import check_positive
+from hilbertvae.mappers.grid_features import SMALLEST, GridFeatures, grid_nodes
 from hilbertvae.mappers.logistic import LogisticMapper
-from hilbertvae.mappers.radial_features import RadialFeatures, nearest_node
-
-SMALLEST = 1e-3
-"""The least feature kept; with gamma 4 per m^2 that is a reach of 1.31 m."""
-
-
-class GridFeatures(RadialFeatures):
-    """Radial features at grid centres; what is not above `SMALLEST` is left out.
-
-    The centres are multiples of `spacing_m` on each axis, where data is: the nearest to each point, and its neighbours along the axes.
-    """
-
-    def __init__(self, points: np.ndarray, spacing_m: float, gamma_per_m2: float):
-        nodes = np.unique(nearest_node(points, spacing_m), axis=0)
-        steps = np.eye(points.shape[1])
-        nodes = np.unique(np.concatenate([nodes, *(nodes + step for step in (*steps, *-steps))]), axis=0)
-        super().__init__(nodes * spacing_m, gamma_per_m2, SMALLEST, spacing_m)
+from hilbertvae.mappers.radial_features import RadialFeatures
 
 
 class FixedGridMapper(LogisticMapper):
@@ -61,4 +44,7 @@ class FixedGridMapper(LogisticMapper):
 
     def _feature_map(self, points, occupied, weight):
         spacing_m, gamma_per_m2 = check_positive(self.spacing_m, "spacing_m"), check_positive(self.gamma_per_m2, "gamma_per_m2")
-        return GridFeatures(points, spacing_m, gamma_per_m2)
+        if points.shape[1] <= 3:
+            return GridFeatures(points, spacing_m, gamma_per_m2)
+        # With more axes the nodes within reach outnumber those that there are: these are searched.
+        return RadialFeatures(grid_nodes(points, spacing_m) * spacing_m, gamma_per_m2, SMALLEST, spacing_m)

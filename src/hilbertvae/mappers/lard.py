@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, get_index_dtype
 from scipy.spatial import cKDTree
 
 from hilbertvae.checks import check_positive
@@ -54,7 +54,9 @@ class ClusterFeatures:
         for a, first in enumerate(away):
             for b, second in enumerate(away):
                 exponent += self.precisions[column, a, b] * first * second
-        bounds = np.arange(len(points) + 1) * nearest
+        bounds = np.arange(
+            0, column.size + 1, nearest, dtype=get_index_dtype(maxval=column.size)
+        )  # else columns take eight bytes each, too
         return csr_array((np.exp(-exponent).ravel(), column.astype(np.int32).ravel(), bounds), shape=shape)
 
 

@@ -55,6 +55,8 @@ def fit_logistic(
     share = np.average(target, weights=weight)
     # The intercept is the last entry of each vector, so that one update serves both.
     value, total, squared, gradient = np.zeros((4, columns + 1))
+    # Features may be hundreds of thousands: fresh arrays for what lies between would take four times as long.
+    pace, between, further = np.empty((3, columns + 1))
     value[-1] = np.log(share / (1.0 - share))
     steps = epochs * -(-count // batch_size)
     step, averaged_from = 0, steps // 2
@@ -66,12 +68,14 @@ def fit_logistic(
             residual = weight[rows] * (expit(batch @ value[:-1].astype(batch.dtype) + value[-1]) - target[rows]) / len(rows)
             gradient[:-1] = batch.T @ residual.astype(batch.dtype)
             gradient[-1] = residual.sum()
-            squared += gradient * gradient
-            pace = rate / np.sqrt(np.maximum(squared, np.finfo(float).tiny))
+            squared += np.multiply(gradient, gradient, out=between)
+            np.sqrt(np.maximum(squared, np.finfo(float).tiny, out=pace), out=pace)
+            np.divide(rate, pace, out=pace)
             pace[-1] *= INTERCEPT_PACE
-            value -= pace * gradient
+            value -= np.multiply(pace, gradient, out=between)
             if penalty > 0:
-                _shrink(value[:-1], pace[:-1] * penalty, l1_share)
+                pace *= penalty
+                _shrink(value[:-1], pace[:-1], l1_share, between[:-1], further[:-1])
             if step >= averaged_from:
                 total += value
             step += 1
@@ -79,11 +83,13 @@ def fit_logistic(
     return mean[:-1], float(mean[-1])
 
 
-def _shrink(value: np.ndarray, amount: np.ndarray, l1_share: float) -> None:
-    """The proximal step of amount (l1_share |w|_1 + (1 - l1_share) / 2 |w|^2), weight by weight, in place."""
-    threshold = amount * l1_share
-    value -= np.clip(value, -threshold, threshold)
-    value /= 1.0 + amount * (1.0 - l1_share)
+def _shrink(value: np.ndarray, amount: np.ndarray, l1_share: float, between: np.ndarray, further: np.ndarray) -> None:
+    """The proximal step of amount (l1_share |w|_1 + (1 - l1_share) / 2 |w|^2), weight by weight, in place; other arrays are overwritten."""
+    threshold = np.multiply(amount, l1_share, out=between)
+    value -= np.clip(value, np.negative(threshold, out=further), threshold, out=between)
+    amount *= 1.0 - l1_share
+    amount += 1.0
+    value /= amount
 
 
 def balanced_weight(weight: np.ndarray, occupied: np.ndarray, power: float, occupied_share: float | None) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import chain
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, get_index_dtype
 from scipy.spatial import cKDTree
 
 BLOCK = 200_000
@@ -47,6 +47,7 @@ class RadialFeatures:
             values.append(np.exp(-self.gamma_per_m2 * squared[near]))
             lengths.append(near.sum(axis=1))
         bounds = np.cumsum(np.concatenate(lengths))
+        bounds = bounds.astype(get_index_dtype(maxval=bounds[-1]))  # else columns take eight bytes each, too
         return csr_array((np.concatenate(values), np.concatenate(columns), bounds), shape=(len(points), len(self.centres)))
 
     def _candidates(self, cells: np.ndarray) -> np.ndarray:
