@@ -7,6 +7,9 @@ READY := $(VENV)/.ready
 .PHONY: run run-3d test clean
 .DEFAULT_GOAL := run
 
+# Containers often tell Python to keep no compiled files; then each process would compile torch and all the rest anew, for most of its start.
+export PYTHONDONTWRITEBYTECODE :=
+
 # --no-compile: Python compiles what it imports when it does, which is a small part of torch.
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
