@@ -109,6 +109,10 @@ def test_planar_scans_that_make_no_plan(tmp_path):
     (tmp_path / "poses.txt").write_text("0 0 0\n0 0 0\n")
     with pytest.raises(InputError, match="1.npz: expected 2D points as in 0.npz, got 3D ones"):
         read_scan_folder(tmp_path)
+    write_drive(tmp_path, [POINTS[:0], POINTS[:, :2], POINTS], random_poses(3), "{}.npz", write_npz)
+    (tmp_path / "poses.txt").write_text("0 0 0\n" * 3)
+    with pytest.raises(InputError, match="2.npz: expected 2D points as in 1.npz, got 3D ones"):  # the first scan has none
+        read_scan_folder(tmp_path)
 
 
 def test_nothing_within_range(tmp_path):

@@ -65,8 +65,8 @@ def fit_logistic(
         for start in range(0, count, batch_size):
             rows = order[start : start + batch_size]
             batch = features[rows]
-            residual = weight[rows] * (expit(batch @ value[:-1].astype(batch.dtype) + value[-1]) - target[rows]) / len(rows)
-            gradient[:-1] = batch.T @ residual.astype(batch.dtype)
+            residual = weight[rows] * (expit(batch @ value[:-1].astype(batch.dtype, copy=False) + value[-1]) - target[rows]) / len(rows)
+            gradient[:-1] = batch.T @ residual.astype(batch.dtype, copy=False)
             gradient[-1] = residual.sum()
             squared += np.multiply(gradient, gradient, out=between)
             np.sqrt(np.maximum(squared, np.finfo(float).tiny, out=pace), out=pace)

@@ -79,7 +79,7 @@ def read_posed_scans(
     beam_origins = find_beam_origins(beam_origin)
     given = _given_poses(files, poses_path, lidar_to_camera) if poses is None else None
     odometry, unit = KissOdometry(), UnitCheck()
-    kept, empty, dimension = ScanCollector(), 0, 0
+    kept, empty, dimension, first = ScanCollector(), 0, 0, ""
     # Odometry goes from scan to scan, so it sees those too that are left out.
     taken = range(0, len(files), every) if poses is None else track(range(len(files)), FINDING)
     for index in taken:
@@ -89,9 +89,10 @@ def read_posed_scans(
             continue
         if found.scan is not None and len(np.unique(found.scan)) > 1:
             raise InputError(f"{files[index]}: expected one scan, since a folder has one pose for each file")
-        dimension = dimension or found.points.shape[1]
+        if not dimension:
+            dimension, first = found.points.shape[1], files[index].name
         if found.points.shape[1] != dimension or (dimension == 2 and poses is not None):
-            wanted = "to find poses from" if poses is not None else f"as in {files[taken[0]].name}"
+            wanted = "to find poses from" if poses is not None else f"as in {first}"
             raise InputError(f"{files[index]}: expected {5 - found.points.shape[1]}D points {wanted}, got {found.points.shape[1]}D ones")
         points = without_zeros(_in_space(found.points), at_least=1 if found.origins is None else 2)
         start = beam_origins(points) if found.origins is None else np.broadcast_to(_in_space(found.origins), points.shape)
