@@ -54,9 +54,8 @@ class ClusterFeatures:
         for a, first in enumerate(away):
             for b, second in enumerate(away):
                 exponent += self.precisions[column, a, b] * first * second
-        bounds = np.arange(
-            0, column.size + 1, nearest, dtype=get_index_dtype(maxval=column.size)
-        )  # else columns take eight bytes each, too
+        width = get_index_dtype(maxval=column.size)  # of the bounds: else columns take eight bytes each, too
+        bounds = np.arange(0, column.size + 1, nearest, dtype=width)
         return csr_array((np.exp(-exponent).ravel(), column.astype(np.int32).ravel(), bounds), shape=shape)
 
 
