@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 
 import numpy as np
-from scipy.sparse import csr_array, get_index_dtype
+from scipy.sparse import csr_array
 
 from hilbertvae.checks import InputError
-from hilbertvae.mappers.radial_features import nearest_node
+from hilbertvae.mappers.radial_features import BLOCK, Pairs, gaussian_rows, nearest_node
 
 SMALLEST = 1e-3
 """The least feature kept; with gamma 4 per m^2 that is a reach of 1.31 m."""
-BLOCK = 200_000
-"""Pairs of a point and a node looked at together: few enough to stay in the processor's cache. Changes no number."""
 MOST_PLACES = 2**62
 """Places of the grid's bounding box, beyond which they can't be numbered."""
 
@@ -57,6 +56,9 @@ class GridFeatures:
 
     def __call__(self, points: np.ndarray) -> csr_array:
         """(N, M) features of `points (N, D)`; in each row the columns ascend."""
+        return gaussian_rows(self._pairs(points), (len(points), len(self.centres)), self.gamma_per_m2, self.reach_m)
+
+    def _pairs(self, points: np.ndarray) -> Iterator[Pairs]:
         node = nearest_node(points, self.spacing_m)
         near = ((node >= self._low) & (node < self._low + self._shape)).all(axis=1)
         chosen = np.flatnonzero(near)
@@ -66,7 +68,6 @@ class GridFeatures:
         farthest = int(self.steps.max())
         away_m = np.arange(-farthest, farthest + 1) * self.spacing_m
         apart = points[chosen] - node * self.spacing_m
-        columns, values, lengths = [np.empty(0, np.int32)], [np.empty(0)], np.zeros(len(points), np.int64)
         block = max(1, BLOCK // len(self.steps))
         for start in range(0, len(chosen), block):
             part = apart[start : start + block]
@@ -74,14 +75,7 @@ class GridFeatures:
             squared = np.zeros((len(part), len(self.steps)))
             for axis, step in enumerate(self.steps.T):
                 squared += np.square(away_m - part[:, axis, None]).take(step + farthest, axis=1)
-            column = candidates[cell[start : start + block]]
-            some = (squared < self.reach_m**2) & (column < len(self.centres))
-            columns.append(column[some])
-            values.append(np.exp(-self.gamma_per_m2 * squared[some]))
-            lengths[chosen[start : start + block]] = some.sum(axis=1)
-        bounds = np.append(0, np.cumsum(lengths))
-        bounds = bounds.astype(get_index_dtype(maxval=bounds[-1]))  # else columns take eight bytes each, too
-        return csr_array((np.concatenate(values), np.concatenate(columns), bounds), shape=(len(points), len(self.centres)))
+            yield chosen[start : start + block], squared, candidates[cell[start : start + block]]
 
     def _candidates(self, places: np.ndarray) -> np.ndarray:
         """(C, K) int32: the column of the centre at each of `steps` from `places (C,)`, M where there is none."""
