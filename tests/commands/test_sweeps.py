@@ -170,6 +170,33 @@ class TestASweepSurvives:
         assert done.returncode == 1 and result.failed.keys() == {"run"} and "training loss is nan" in result.failed["run"]
         assert about["config"]["case"] == "default"
 
+    def test_a_multirun_that_is_no_sweep_says_what_failed(self, tmp_path):
+        command = [*TRAIN, "-m", "debug=fast", "mapper=[nearest]", "seed=-1,0"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=environment())
+        assert done.returncode == 1 and "1 of 2 jobs have results" in done.stdout
+        assert "FAILED gated-seed-1: run: InputError: seed" in done.stdout
+
+    def test_jobs_that_would_share_a_folder_are_refused(self, tmp_path):
+        done = multirun(tmp_path, "cases/ablation=default", "validation_gap_m=1.5,2.5")
+        assert done.returncode == 2 and "a folder for each job, got several in default-seed0" in done.stderr
+        assert not list(tmp_path.glob("**/result.json"))
+
+    def test_stopped_half_way_a_job_has_no_result_of_other_settings(self, tmp_path, monkeypatch):
+        settings = settings_of("debug=fast", "mapper=[nearest]")
+        settings.output = str(tmp_path)
+        assert run(settings, again=False) == 0
+        (found,) = tmp_path.glob("**/result.json")
+
+        def stopped(*_):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("hilbertvae.training.scoring.score", stopped)
+        assert run(settings, again=False) == 0 and found.exists()
+        settings.evaluation.gap_seeds = [7]
+        with pytest.raises(KeyboardInterrupt):
+            run(settings, again=False)
+        assert not found.exists()
+
 
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
 def test_launchers_run_the_jobs(launcher, tmp_path):

@@ -33,6 +33,7 @@ def run_clustering(settings: Settings, again: bool = True) -> int:
     if not again and _is_finished(path, about["config_hash"]):
         print(f"{settings.output}: finished before")
         return 0
+    path.unlink(missing_ok=True)  # a study that is stopped half-way leaves nothing of an earlier one
     with Progress() as progress:
         bar = progress.add_task(f"{settings.grid.start}", total=None)
         rows = study(settings.grid.start, settings.study, returns, lambda done, of: progress.update(bar, completed=done, total=of))

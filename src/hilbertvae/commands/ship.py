@@ -27,7 +27,7 @@ def ship(checkpoint: Path, name: str) -> Path:
         packed = Reconstructor.load(replace(trained, weights={}).save(Path(folder) / "packed.safetensors", packed=True))
     site = open_site(trained.card["validated_on"], trained.resolution_m, defaults.source())
     mapper = HilbertMap(packed)
-    packed.weights = learn_rank_weights(mapper, site, defaults.validation_gap_m, defaults.calibration_seeds)
+    packed.weights = learn_rank_weights(mapper, site, **defaults.calibration())
     packed.card = {**trained.card, "flips": mapper.flips_}
     return packed.save(checkpoint_path(name), packed=True)
 

@@ -6,11 +6,13 @@ import atexit
 import json
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.utils import JobReturn, JobStatus
 from hydra.experimental.callback import Callback
@@ -32,6 +34,10 @@ class SweepProgress(Callback):
 
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
         folder, jobs = Path(config.hydra.sweep.dir), job_folders(config)
+        if shared := [name for name, times in Counter(jobs).items() if times > 1]:
+            # Hydra goes on after any other exception of a callback, and these jobs would overwrite each other's results.
+            print(f"hydra.sweep.subdir: expected a folder for each job, got several in {', '.join(shared)}", file=sys.stderr)
+            sys.exit(2)
         sweep = OmegaConf.select(config, "hydra.runtime.choices.sweep")
         if sweep:  # any other multirun may be of anything; hilbertvae-table is told what with --sweep
             write_json(folder / SWEEP, {"sweep": sweep, "size": config.size, "jobs": jobs})
@@ -72,6 +78,7 @@ def job_folders(config: DictConfig) -> list[str]:
             OmegaConf.set_readonly(job, False)
             job.hydra.job.num = number
             job.hydra.job.id = str(number)
+            HydraConfig.instance().set_config(job)  # `${hydra:...}` in the name of a folder asks there; each job sets its own later
             folders.append(job.hydra.sweep.subdir)
     return folders
 

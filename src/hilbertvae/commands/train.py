@@ -25,7 +25,7 @@ from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSett
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.reconstruction.shipped import checkpoint_path
-from hilbertvae.reports.run_state import is_finished, write_failure
+from hilbertvae.reports.run_state import forget, is_finished, write_failure
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.site import open_site, site_name
 from hilbertvae.training.settings import Settings, training_hash
@@ -68,10 +68,13 @@ def _refuse_unknown(node: object, path: str) -> None:
 def run(settings: Settings, again: bool = True) -> int:
     """Train if a mapper needs it, score all, write everything; the exit code. again: do so even if the results are there already."""
     data = settings.data
-    with contextlib.suppress(InputError, OSError):  # what can't be read is told below, and is not finished
-        if not again and is_finished(settings.output, [site_name(site) for site in data.test], _identity(settings)):
-            print(f"{settings.output}: finished before")
-            return 0
+    if not again:
+        names = [site_name(site) for site in data.test]
+        with contextlib.suppress(InputError, OSError):  # what can't be read is told below, and is not finished
+            if is_finished(settings.output, names, _identity(settings)):
+                print(f"{settings.output}: finished before")
+                return 0
+        forget(settings.output, names)
     # Late: a sweep that has nothing to do waits for none of it, and only a training for Lightning.
     from hilbertvae.commands.build import build_mappers
     from hilbertvae.reconstruction.reconstructor import Reconstructor

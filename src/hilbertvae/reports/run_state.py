@@ -32,6 +32,12 @@ def is_finished(folder: str | Path, sites: list[str], identity: dict) -> bool:
     return bool(sites)
 
 
+def forget(folder: str | Path, sites: list[str]) -> None:
+    """Remove what an earlier run left: a sweep whose job is stopped half-way would otherwise count it as the job's."""
+    for number, site in enumerate(sites):
+        (site_folder(Path(folder), site, first=not number) / "result.json").unlink(missing_ok=True)
+
+
 def write_failure(folder: str | Path, config: dict, error: BaseException) -> Path:
     """`result.json` with status `failed`, for a run that broke. config: plain containers, as far as they are known."""
     evaluation, sites = config.get("evaluation") or {}, (config.get("data") or {}).get("test") or [""]
