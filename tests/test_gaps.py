@@ -115,6 +115,11 @@ def test_a_site_too_small_for_a_gap(room):
         random_gaps(room.fit, 40.0, room.resolution_m, seed=0, centred=True, attempts=50)
 
 
+def test_the_share_that_is_gone_is_told(place):
+    gaps = random_gaps(place.fit, 1.5, place.resolution_m, seed=1)
+    assert gaps.share == pytest.approx(1 - len(gaps.cut(place.fit)) / len(place.fit))
+
+
 def test_nothing_to_put_gaps_around():
     cloud = Cloud(np.random.default_rng(0).uniform(0, 9, (50, 2)), np.zeros(50, bool), np.ones(50))
     with pytest.raises(InputError, match="expected occupied points to put gaps around"):

@@ -33,6 +33,19 @@ def check_positive(value: float, name: str) -> float:
     return float(value)
 
 
+def check_not_negative(value: float, name: str) -> float:
+    """`value` as a finite float from 0 on; an `InputError` otherwise."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value) or value < 0:
+        raise InputError(f"{name}: expected a number from 0 on, got {value!r}")
+    return float(value)
+
+
+def check_seeds(seeds: list[int], name: str) -> None:
+    """An `InputError` unless `seeds` are one or more different whole numbers from 0 on."""
+    if not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0:
+        raise InputError(f"{name}: expected one or more different seeds from 0 on, got {seeds}")
+
+
 def check_count(value: int, name: str, most: int | None = None) -> int:
     """`value` as a whole number from 1 on, at most `most` where that is given; an `InputError` otherwise."""
     whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)

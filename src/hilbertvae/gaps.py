@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,11 +22,13 @@ INSIDE, OUTSIDE, RIM = 1, 0, -1
 
 @dataclass(frozen=True)
 class Gaps:
-    """Balls that lie apart. centres: (G, D) metres; radius_m: (G,); resolution_m: the voxels that decide what is inside."""
+    """Balls that lie apart. centres: (G, D) metres; radius_m: (G,); resolution_m: the voxels that decide what is inside; share: of the
+    points that they were cut from, how many are gone, if that is known."""
 
     centres: np.ndarray
     radius_m: np.ndarray
     resolution_m: float
+    share: float = math.nan
 
     def part(self, points: np.ndarray) -> np.ndarray:
         """(N,) int8 per point: `INSIDE` if its voxel lies wholly in a ball, `RIM` if a ball's surface cuts it, else `OUTSIDE`.
@@ -117,4 +120,4 @@ def random_gaps(
         centres, radii = np.vstack([centres, centre]), np.append(radii, radius)
     if not len(centres):
         raise InputError(f"gaps of {diameter_m} m: none fits into this site without removing more than {MOST_SHARE:.0%} of it")
-    return Gaps(centres, radii, resolution_m)
+    return Gaps(centres, radii, resolution_m, count / len(cloud))

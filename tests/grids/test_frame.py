@@ -116,6 +116,19 @@ def test_axes_are_eigenvectors_the_largest_first_and_point_to_free_space(place, 
         assert len(wrong) <= 1 and all(np.abs(side[k]) == np.abs(side).min() for k in wrong)
 
 
+@pytest.mark.parametrize("choice", CHOICES, ids="-".join)
+@pytest.mark.parametrize("returns", [2, 30])
+def test_no_clusters_and_no_free_point_near_make_frames_too(choice, returns):
+    """Two returns are no cluster; thirty are one, whose free points lie far away."""
+    rng = np.random.default_rng(0)
+    points = np.concatenate([rng.uniform(0, 1, (returns, 2)), rng.uniform(50, 51, (5, 2))])
+    cloud = Cloud(points, np.arange(len(points)) < returns, np.ones(len(points)))
+    clusters = clusters_of(cloud)
+    frames = cluster_frames(clusters, cloud, DIAMETER_M, 0.1, FrameSettings(*choice))
+    assert len(frames) == len(clusters) and (len(clusters) > 0) == (returns == 30)
+    assert np.isfinite(frames.centre).all() and frames.rotation.shape == (len(frames), 2, 2)
+
+
 def test_a_turned_site_has_turned_frames():
     """The point of aligning: in its frame a wall looks the same whichever way the site lies."""
     rng = np.random.default_rng(3)

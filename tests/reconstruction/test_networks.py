@@ -24,3 +24,8 @@ def test_settings_make_their_network_and_survive_as_plain_values(settings, netwo
 def test_unknown_kinds_are_named(values):
     with pytest.raises(InputError, match="network.kind: expected one of gated, conditional, paper, got"):
         network_settings(values)
+
+
+def test_a_kind_that_is_not_that_of_its_settings_is_named():
+    with pytest.raises(InputError, match="network.kind: expected 'gated', as the chosen network has, got 'paper'"):
+        build_network(GatedNetworkSettings(kind="paper"), 2, 16)

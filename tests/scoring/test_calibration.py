@@ -59,11 +59,11 @@ def test_only_what_was_hidden_teaches(learning):
             assert {tuple(query) for query in queries} == wanted
 
 
-def test_occupied_points_count_for_more(learning, monkeypatch):
+def test_occupied_points_count_for_more(learning):
     """Alone of the two readings, points are for the cuts: the odds of what is not seen rise, by as much as an occupied query counts for."""
     _, learned, place = learning
-    monkeypatch.setattr(calibration, "OCCUPIED_WEIGHT", {"voxels": 1.0, "points": 1.0})
-    as_shares = learn_rank_weights(HilbertMap(tiny_reconstructor(place.dimension)), place, 1.2, [100, 101], occlusion=False)
+    mapper = HilbertMap(tiny_reconstructor(place.dimension))
+    as_shares = learn_rank_weights(mapper, place, 1.2, [100, 101], occlusion=False, occupied_weight=1.0)
     assert as_shares["voxels"] == learned["voxels"]
     rise = learned["points"]["unseen"][-1] - as_shares["points"]["unseen"][-1]
     assert np.log(1.5) < rise < np.log(3)

@@ -45,6 +45,16 @@ def test_a_site_of_few_scans_keeps_its_other_scores(count, kept):
     assert all(len(values) == 3 for region in found.values() for values in region.values())
 
 
+def test_a_setting_that_would_keep_no_return_is_left_out_for_every_seed():
+    """A scan that returned nothing has a number and no points."""
+    whole = square_room()
+    scans = whole.select((whole.scan < 12) & (whole.scan % 10 != 3))
+    for seed in (0, 3):
+        assert set(occluded_parts(scans, seed)) == {"occluded-half"}
+    late = whole.select(whole.scan > whole.scan.max() / 2)
+    assert set(occluded_parts(late, 0)) == {"occluded-sparse"}
+
+
 def test_occlusion_by_brute_force(near_sighted):
     """Scored is what only the left-out scans saw, by its distance from the nearest kept point; shown is what the kept ones saw."""
     site = near_sighted

@@ -206,6 +206,16 @@ def test_centred_gaps_are_rows_of_their_own(room):
         evaluate(ConstantMapper(), room, QUICK).add(evaluate(ConstantMapper(), room, centred))
 
 
+def test_a_site_without_room_for_enough_gaps_says_so():
+    """A round yard: small balls on its wall that lie apart take little of what is free within."""
+    angle = np.linspace(0, 2 * np.pi, 3000, endpoint=False)
+    beam = np.arange(len(angle))
+    scans = Scans(10 * np.stack([np.cos(angle), np.sin(angle)], axis=1), np.zeros((len(angle), 2)), beam % 4, beam)
+    with pytest.warns(UserWarning, match="gaps of 0.4 m take .* of its points, and not 10%"):
+        found = evaluate(ConstantMapper(), Site("yard", scans), Protocol(gap_seeds=[0], gap_ratio=0.2, cluster_size_m=2.0, occlusion=False))
+    assert 0 < found.gaps[0]["share"] < 0.1
+
+
 def test_times_are_kept(room):
     found = evaluate(ConstantMapper(), room, QUICK, "all").seconds["all"]
     assert len(found["fit"]) == 2 and all(value >= 0 for stage in found.values() for value in stage)

@@ -4,6 +4,9 @@ import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import GridSettings
+from hilbertvae.grids.training_grids import ClusteringSettings
+from hilbertvae.reconstruction.augmentation import AugmentationSettings
+from hilbertvae.reconstruction.likelihood import LikelihoodSettings
 from hilbertvae.scoring.protocol import Protocol
 from hilbertvae.training.settings import DataSettings, Settings, TrainerSettings
 
@@ -42,12 +45,34 @@ def test_good_settings_pass():
         ({"trainer": TrainerSettings(validation_grids=0)}, "trainer.validation_grids"),
         ({"trainer": TrainerSettings(kl_warmup_share=0.1)}, "trainer.kl_warmup_share: expected at least 0.2, got 0.1"),
         ({"trainer": TrainerSettings(initial="gone.safetensors")}, "trainer.initial: expected a model.safetensors, got gone.safetensors"),
+        ({"trainer": TrainerSettings(warmup_share=3.0)}, "trainer.warmup_share: expected a share in"),
+        ({"trainer": TrainerSettings(free_nats=-1.0)}, "trainer.free_nats: expected a number from 0 on, got -1"),
+        ({"trainer": TrainerSettings(patience_epochs=-1)}, "trainer.patience_epochs"),
+        ({"trainer": TrainerSettings(threads=-1)}, "trainer.threads"),
+        ({"clustering": ClusteringSettings(clusterings=0)}, "clustering.clusterings: expected a whole number of at least 1, got 0"),
+        ({"data": DataSettings(simulated=3, simulated_clusterings=0)}, "data.simulated_clusterings: expected a whole number"),
+        ({"calibration_seeds": []}, "calibration_seeds: expected one or more different seeds from 0 on"),
+        ({"calibration_seeds": [-1]}, "calibration_seeds"),
+        ({"calibration_occupied_weight": 0.0}, "calibration_occupied_weight: expected a positive number"),
         ({"flips": 3}, "flips: expected 1, 2, 4 or 8, got 3"),
     ],
 )
 def test_settings_that_make_no_run_are_named(change, message):
     with pytest.raises(InputError, match=message):
         replace(good(), **change).check()
+
+
+@pytest.mark.parametrize(
+    ("make", "key"),
+    [
+        (lambda: LikelihoodSettings(known_weight=-3.0), "likelihood.known_weight"),
+        (lambda: LikelihoodSettings(observed_weight=float("nan")), "likelihood.observed_weight"),
+        (lambda: AugmentationSettings(balls=-1), "augmentation.balls"),
+    ],
+)
+def test_settings_of_parts_are_named_as_they_are_made(make, key):
+    with pytest.raises(InputError, match=f"{key}: expected a number from 0 on"):
+        make()
 
 
 def test_spellings_of_a_path_are_one_site(tmp_path, monkeypatch):

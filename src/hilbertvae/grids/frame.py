@@ -6,6 +6,7 @@ In the frame the grid's box is [-1/2, 1/2]^D.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -90,7 +91,7 @@ def _segments(clusters: Clusters) -> np.ndarray:
 
 def _mean(values: np.ndarray, segment: np.ndarray, count: int) -> np.ndarray:
     """Means (count, ...) of `values (P, ...)` by segment; 0 for an empty one."""
-    flat = values.reshape(len(values), -1)
+    flat = values.reshape(len(values), math.prod(values.shape[1:]))
     total = np.stack([np.bincount(segment, weights=column, minlength=count) for column in flat.T], axis=1)
     return (total / np.maximum(np.bincount(segment, minlength=count), 1)[:, None]).reshape(count, *values.shape[1:])
 
@@ -101,7 +102,8 @@ def _seed(clusters: Clusters, returns: np.ndarray) -> np.ndarray:
 
 def _median(clusters: Clusters, returns: np.ndarray) -> np.ndarray:
     members = returns[clusters.members]
-    return np.stack([np.median(members[a:b], axis=0) for a, b in zip(clusters.offsets, clusters.offsets[1:], strict=False)])
+    bounds = zip(clusters.offsets, clusters.offsets[1:], strict=False)
+    return np.array([np.median(members[a:b], axis=0) for a, b in bounds]).reshape(-1, returns.shape[1])
 
 
 def _unturned(clusters: Clusters, returns: np.ndarray, cloud: Cloud, diameter_m: float) -> np.ndarray:

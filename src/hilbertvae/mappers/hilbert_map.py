@@ -157,7 +157,7 @@ class HilbertMap(GrowingMapper):
         if weights.level:
             values = levelled(values, held)
         offset = np.where(held > 0, weights.unseen[-1], 0.0)
-        counts = np.where(target.occupied, OCCUPIED_WEIGHT[self.calibration], 1.0)
+        counts = np.where(target.occupied & (self.calibration == "points"), OCCUPIED_WEIGHT, 1.0)
         return fit_cluster_weights(values, holding, offset, weights.unseen[:-1], target.occupied, len(self.frames_), self.ridge, counts)
 
     def features(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:

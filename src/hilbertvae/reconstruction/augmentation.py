@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_not_negative
 from hilbertvae.grids.aligned_grid import COUNT_STEPS
 from hilbertvae.grids.cluster_grids import COUNTS, PLACES, labels_of
 from hilbertvae.reconstruction.symmetry import apply, apply_channels, symmetries
@@ -30,6 +30,7 @@ class AugmentationSettings:
         sizes = self.ball_diameter_cells
         if len(sizes) != 2 or not 0 < sizes[0] <= sizes[1]:
             raise InputError(f"augmentation.ball_diameter_cells: expected the smallest and the largest, got {sizes}")
+        check_not_negative(self.balls, "augmentation.balls")
         if not self.count_factor >= 1:
             raise InputError(f"augmentation.count_factor: expected at least 1, got {self.count_factor}")
 

@@ -16,7 +16,6 @@ CONVOLUTION = {2: nn.Conv2d, 3: nn.Conv3d}
 CHANNELS_LAST = {2: torch.channels_last, 3: torch.channels_last_3d}
 MAX_POOL = {2: F.max_pool2d, 3: F.max_pool3d}
 MEAN_POOL = {2: F.avg_pool2d, 3: F.avg_pool3d}
-CONVOLVE = {2: F.conv2d, 3: F.conv3d}
 CONVOLVE_TRANSPOSED = {2: F.conv_transpose2d, 3: F.conv_transpose3d}
 
 

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_not_negative
 from hilbertvae.grids.aligned_grid import COUNT_STEPS
 
 
@@ -32,6 +32,8 @@ class LikelihoodSettings:
     def __post_init__(self):
         if self.kind not in LIKELIHOODS:
             raise InputError(f"likelihood.kind: expected one of {', '.join(LIKELIHOODS)}, got {self.kind!r}")
+        check_not_negative(self.observed_weight, "likelihood.observed_weight")
+        check_not_negative(self.known_weight, "likelihood.known_weight")
         if not 0 <= self.vote_power <= 1:
             raise InputError(f"likelihood.vote_power: expected a power in [0, 1], got {self.vote_power}")
 

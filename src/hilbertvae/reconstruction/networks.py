@@ -30,4 +30,7 @@ def network_settings(values: dict) -> NetworkSettings:
 
 def build_network(settings: NetworkSettings, dimension: int, cells: int) -> nn.Module:
     """A network with fresh weights for grids of `cells`^dimension, its channels last in memory, which spares convolutions a copy."""
+    kinds = {made_with: kind for kind, (made_with, _) in NETWORKS.items()}
+    if settings.kind != kinds[type(settings)]:  # the settings' class decides which keys there are, and is chosen as a whole
+        raise InputError(f"network.kind: expected {kinds[type(settings)]!r}, as the chosen network has, got {settings.kind!r}")
     return NETWORKS[settings.kind][1](settings, dimension, cells).to(memory_format=CHANNELS_LAST[dimension])

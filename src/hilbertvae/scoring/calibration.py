@@ -16,12 +16,19 @@ from hilbertvae.site import Site
 MOST_QUERIES = 400_000
 
 
-def learn_rank_weights(mapper: HilbertMap, site: Site, gap_diameter_m: float, seeds: list[int], occlusion: bool = True) -> dict[str, dict]:
+def learn_rank_weights(
+    mapper: HilbertMap,
+    site: Site,
+    gap_diameter_m: float,
+    seeds: list[int],
+    occlusion: bool = True,
+    occupied_weight: float = OCCUPIED_WEIGHT,
+) -> dict[str, dict]:
     """Plain rank weights by reading (`points`, `voxels`), from inputs with parts hidden, and what was hidden.
 
     Hidden are gaps and held-out beams, and for `voxels` also what scans that were left out saw (`occlusion`): a map that is sure in
     gaps alone would be as sure behind things. One network serves both readings; only these weights differ: a probability is
-    calibrated for the cells it was fitted on, the cuts for the points (`OCCUPIED_WEIGHT`).
+    calibrated for the cells it was fitted on, the cuts for the points, of which an occupied one counts for `occupied_weight`.
     """
     gathered: dict[str, list] = {"points": [], "voxels": []}
     most = MOST_QUERIES // len(seeds)
@@ -47,9 +54,9 @@ def learn_rank_weights(mapper: HilbertMap, site: Site, gap_diameter_m: float, se
         if len(asked.points) and case.shown.occupied.any():
             _show(mapper, case.shown, seed)
             gather("voxels", Cloud(asked.points, asked.occupied, np.ones(len(asked.points))), np.arange(len(asked.points)), seed)
+    counts = {"points": occupied_weight, "voxels": 1.0}
     learned = {
-        name: fit_rank_weights(*map(np.concatenate, zip(*portions, strict=True)), OCCUPIED_WEIGHT[name])
-        for name, portions in gathered.items()
+        name: fit_rank_weights(*map(np.concatenate, zip(*portions, strict=True)), counts[name]) for name, portions in gathered.items()
     }
     # Gaps leave no place without a box, so only what is occluded tells what is beyond them.
     learned["points"] = replace(learned["points"], beyond=learned["voxels"].beyond)

@@ -76,8 +76,10 @@ def occluded_parts(scans: Scans, seed: int) -> dict[str, np.ndarray]:
     A setting is left out, for every seed, where a site has too few scans for it.
     """
     step, count = OCCLUSION_STEP[scans.dimension], int(scans.scan.max()) + 1
-    settings = {"occluded-sparse": (step, scans.scan % step == seed % step), "occluded-half": (2, scans.scan < count / 2)}
-    return {region: kept for region, (least, kept) in settings.items() if count >= least}
+    fitted = scans.scan[~scans.held_out()]  # a scan may have returned nothing, and then has a number alone
+    enough = {"occluded-sparse": len(np.unique(fitted % step)) == step, "occluded-half": (fitted < count / 2).any()}
+    kept = {"occluded-sparse": scans.scan % step == seed % step, "occluded-half": scans.scan < count / 2}
+    return {region: kept[region] for region, some in enough.items() if some and count >= 2}
 
 
 def occlusion_case(site: Site, region: str, kept: np.ndarray) -> Case:

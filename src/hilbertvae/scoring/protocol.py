@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections import defaultdict
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import check_positive, check_seeds
 from hilbertvae.cloud import Cloud
-from hilbertvae.gaps import Gaps, random_gaps
+from hilbertvae.gaps import LEAST_SHARE, Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.scoring.cases import Case, gap_case, occluded_parts, occlusion_case, voxel_keys
 from hilbertvae.scoring.metrics import precision_recall_curve, score
@@ -41,14 +42,20 @@ class Protocol:
         """An `InputError` that names the key for what can't be scored."""
         check_positive(self.gap_ratio, "evaluation.gap_ratio")
         check_positive(self.cluster_size_m, "evaluation.cluster_size_m")
-        if not self.gap_seeds or len(set(self.gap_seeds)) != len(self.gap_seeds):
-            raise InputError(f"evaluation.gap_seeds: expected one or more different seeds, got {self.gap_seeds}")
+        check_seeds(self.gap_seeds, "evaluation.gap_seeds")
 
 
 def cut_site(site: Site, protocol: Protocol, seed: int) -> Gaps:
-    """The gaps of one seed: the same for every mapper."""
-    key = ("gaps", protocol.gap_diameter_m, protocol.centred, seed)
-    return site.remember(key, lambda: random_gaps(site.fit, protocol.gap_diameter_m, site.resolution_m, seed, protocol.centred))
+    """The gaps of one seed: the same for every mapper. Warns where the site has no room for as many as METHOD 7 wants."""
+
+    def cut() -> Gaps:
+        gaps = random_gaps(site.fit, protocol.gap_diameter_m, site.resolution_m, seed, protocol.centred)
+        if gaps.share < LEAST_SHARE:
+            few = f"gaps of {protocol.gap_diameter_m:g} m take {gaps.share:.1%} of its points"
+            warnings.warn(f"{site.name}: {few}, and not {LEAST_SHARE:.0%}: no further one fits", stacklevel=2)
+        return gaps
+
+    return site.remember(("gaps", protocol.gap_diameter_m, protocol.centred, seed), cut)
 
 
 def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper", progress=None) -> Result:
@@ -68,7 +75,7 @@ def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, p
     every_gap = []
     for seed in protocol.gap_seeds:
         gaps = cut_site(site, protocol, seed)
-        every_gap.append({"seed": seed, "centres": gaps.centres.tolist(), "radius_m": gaps.radius_m.tolist()})
+        every_gap.append({"seed": seed, "centres": gaps.centres.tolist(), "radius_m": gaps.radius_m.tolist(), "share": gaps.share})
         for mapper in mappers.values():
             _prepare(mapper, seed, gaps)
         cases = [site.remember(("gap case", protocol.gap_diameter_m, protocol.centred, seed), lambda gaps=gaps: gap_case(site, gaps))]

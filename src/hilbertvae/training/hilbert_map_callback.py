@@ -46,9 +46,7 @@ class HilbertMapCallback(L.Callback):
         settings = self.settings
         reconstructor = self._best(trainer, module)
         site = opened_site(settings.data.validate, settings)
-        learned = learn_rank_weights(
-            HilbertMap(reconstructor, flips=settings.flips), site, settings.validation_gap_m, settings.calibration_seeds
-        )
+        learned = learn_rank_weights(HilbertMap(reconstructor, flips=settings.flips), site, **settings.calibration())
         self._lap("weights")
         reconstructor.weights, reconstructor.seconds = learned, self.seconds
         reconstructor.save(self.checkpoint)

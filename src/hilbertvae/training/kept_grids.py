@@ -28,6 +28,7 @@ GRID_SOURCES = (
     "simulate",
     "clusters",
     "grids",
+    "training/kept_grids.py",
 )
 """What grids come from."""
 

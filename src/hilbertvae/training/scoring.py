@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import torch
 from joblib import Parallel, delayed
 
 from hilbertvae.checks import InputError
@@ -17,6 +18,7 @@ from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.settings import Settings
+from hilbertvae.training.site_roles import check_unseen
 
 Writer = Callable[[Result, Site, dict[str, Mapper]], None]
 NOT_THERE = object()
@@ -29,10 +31,17 @@ def needs_training(mappers: dict[str, Mapper]) -> bool:
     return any(mapper.get_params(deep=False).get("reconstructor") == TRAINED for mapper in mappers.values())
 
 
+def use_threads(settings: Settings) -> None:
+    """`trainer.threads` for all that torch computes in this process."""
+    if settings.trainer.threads:
+        torch.set_num_threads(settings.trainer.threads)
+
+
 def score(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconstructor | None, write: Writer | None) -> None:
     """Score `mappers` by name on the settings' test sites; `write(result, site, mappers)` gets a `Result` for each."""
     if not mappers:
         return
+    use_threads(settings)
     given = give_networks(settings, mappers, reconstructor)
     _learn_weights_anew(settings, given)
     for reference in settings.data.test:
@@ -60,7 +69,7 @@ def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
             blank = replace(network, weights={})
             anew = HilbertMap(blank, neighbours=mapper.neighbours, inner_radius_m=mapper.inner_radius_m, flips=mapper.flips)
             site = opened_site(settings.data.validate, settings)
-            weights = learn_rank_weights(anew, site, settings.validation_gap_m, settings.calibration_seeds)
+            weights = learn_rank_weights(anew, site, **settings.calibration())
             learned[key] = replace(network, weights=weights)
         mapper.set_params(reconstructor=learned[key])
 
@@ -76,6 +85,7 @@ def _side_by_side(settings: Settings, mappers: dict[str, Mapper], reference: str
 
 
 def _evaluate_some(settings: Settings, reference: str, mappers: dict[str, Mapper]) -> Result:
+    use_threads(settings)
     return evaluate_all(mappers, opened_site(reference, settings), settings.evaluation, progress=print)
 
 
@@ -98,6 +108,8 @@ def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor:
             elif mapper.reconstructor is None and mapper.grid is None:
                 of = reconstructor or settings
                 mapper.set_params(grid=of.grid, resolution_m=of.resolution_m)
+            if mapper.reconstructor:
+                check_unseen(settings.data.test, mapper.reconstructor.card, "data.test", f"the network of mapper.{name}")
         elif mapper.get_params(deep=False).get("resolution_m", NOT_THERE) is None:
             mapper.set_params(resolution_m=settings.resolution_m)
         given[name] = mapper

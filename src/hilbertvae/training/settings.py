@@ -6,12 +6,13 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_seeds
 from hilbertvae.cloud import RESOLUTION_M
 from hilbertvae.clusters.comparison import StudySettings
 from hilbertvae.files import hash_of, path_sha256
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.training_grids import ClusteringSettings
+from hilbertvae.mappers.weights import OCCUPIED_WEIGHT
 from hilbertvae.reconstruction.augmentation import AugmentationSettings
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.likelihood import LikelihoodSettings
@@ -19,8 +20,9 @@ from hilbertvae.scans.formats import ReadingSettings, is_scan_path
 from hilbertvae.scoring.protocol import Protocol
 from hilbertvae.simulate.building import BuildingSettings
 from hilbertvae.simulate.street import StreetSettings
-from hilbertvae.site import SIMULATED, SiteSource, site_name
+from hilbertvae.site import SIMULATED, SiteSource
 from hilbertvae.training.optimizers import OPTIMIZERS
+from hilbertvae.training.site_roles import check_roles
 
 TASKS = ("maps", "clustering")
 AFTERWARDS = (
@@ -120,6 +122,8 @@ class Settings:
     """Diameter of the gaps on the validation site that the best weights are chosen with, and the Hilbert Map's are learned from."""
     calibration_seeds: list[int] = field(default_factory=lambda: [100, 101, 102, 103, 104])
     """Gap seeds on the validation site that the Hilbert Map's `rank` weights are learned from; not those that it is scored on."""
+    calibration_occupied_weight: float = OCCUPIED_WEIGHT
+    """How many points one that is occupied counts for, where those weights are learned on points; 1 is the paper's Eq. 15."""
     flips: int | None = None
     """Symmetries over which the network of the run is averaged, in learning the Hilbert Map's weights and in its maps: 1, 2, 4 or 8; 4 in
     2D and 1 in 3D unless given."""
@@ -150,6 +154,14 @@ class Settings:
         """References of the simulated sites that are trained on."""
         return [f"{SIMULATED}{number}" for number in range(self.data.simulated)]
 
+    def calibration(self) -> dict[str, Any]:
+        """How `learn_rank_weights` is to learn."""
+        return {
+            "gap_diameter_m": self.validation_gap_m,
+            "seeds": self.calibration_seeds,
+            "occupied_weight": self.calibration_occupied_weight,
+        }
+
     def check(self) -> None:
         """An `InputError` that names the key for the first value that makes no run."""
         if self.dimension not in (2, 3):
@@ -169,34 +181,30 @@ class Settings:
             raise InputError(f"data.simulated_extent_m: expected two lengths from 6 on, the shorter first, got {extent}")
         if self.trainer.precision not in PRECISIONS:
             raise InputError(f"trainer.precision: expected one of {', '.join(PRECISIONS)}, got {self.trainer.precision!r}")
-        trained = {_place(site) for site in (*self.data.train, *self.simulated_sites())}
-        if _place(self.data.validate) in trained:
-            raise InputError(f"data.validate: {self.data.validate!r} is also trained on")
-        both = [site for site in self.data.test if _place(site) in {*trained, _place(self.data.validate)}]
-        if both:
-            raise InputError(f"data.test: {', '.join(both)} is also trained or validated on")
-        names = [site_name(site) for site in self.data.test]
-        if len(set(names)) < len(names):
-            raise InputError(f"data.test: expected sites of different names, since results are kept under them, got {', '.join(names)}")
+        check_roles([*self.data.train, *self.simulated_sites()], self.data.validate, self.data.test)
         if self.trainer.initial and not Path(self.trainer.initial).is_file():
             raise InputError(f"trainer.initial: expected a model.safetensors, got {self.trainer.initial}, which is not there")
         if self.trainer.optimizer not in OPTIMIZERS:
             raise InputError(f"trainer.optimizer: expected one of {', '.join(OPTIMIZERS)}, got {self.trainer.optimizer!r}")
-        for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids"):
+        for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids", "devices"):
             check_positive(getattr(self.trainer, key), f"trainer.{key}")
+        for key in ("weight_decay", "kl_weight", "free_nats", "patience_epochs", "threads"):
+            check_not_negative(getattr(self.trainer, key), f"trainer.{key}")
+        if not 0 <= self.trainer.warmup_share < 1:
+            raise InputError(f"trainer.warmup_share: expected a share in [0, 1), got {self.trainer.warmup_share}")
+        if self.data.train:
+            check_count(self.clustering.clusterings, "clustering.clusterings")
+        if self.data.simulated:
+            check_count(self.data.simulated_clusterings, "data.simulated_clusterings")
+        check_seeds(self.calibration_seeds, "calibration_seeds")
         check_positive(self.scoring_processes, "scoring_processes")
-        if self.data.processes < 0:
-            raise InputError(f"data.processes: expected a whole number from 0 on, got {self.data.processes}")
+        check_not_negative(self.data.processes, "data.processes")
         check_positive(self.validation_gap_m, "validation_gap_m")
+        check_positive(self.calibration_occupied_weight, "calibration_occupied_weight")
         if self.flips not in (None, 1, 2, 4, 8):
             raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips}")
         if self.trainer.kl_warmup_share < 0.2:
             raise InputError(f"trainer.kl_warmup_share: expected at least 0.2, got {self.trainer.kl_warmup_share}")
-
-
-def _place(reference: str) -> str:
-    """One word for all spellings of a path; other references are such words."""
-    return str(Path(reference).resolve()) if is_scan_path(reference) else reference
 
 
 def training_hash(settings: Settings) -> str:

@@ -11,36 +11,30 @@ from pathlib import Path
 
 import lightning as L
 import torch
-from lightning.pytorch.callbacks import EarlyStopping, LearningRateMonitor, ModelCheckpoint, TQDMProgressBar
+from lightning.pytorch.callbacks import LearningRateMonitor, TQDMProgressBar
 from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.plugins.environments import LightningEnvironment
-from lightning.pytorch.plugins.io import TorchCheckpointIO
 
 import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.files import atomic, hash_of, write_json
+from hilbertvae.files import hash_of, write_json
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.precision import training_type
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.training.checkpoints import AtomicCheckpoints, MovableCheckpoint, PatienceOnce
 from hilbertvae.training.grids_datamodule import GridsDataModule
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
 from hilbertvae.training.kept_grids import GRID_SOURCES, code_hash
 from hilbertvae.training.kept_network import KeptNetwork
 from hilbertvae.training.reconstruction_module import ReconstructionModule
-from hilbertvae.training.scoring import Writer, score
+from hilbertvae.training.scoring import Writer, score, use_threads
 from hilbertvae.training.settings import Settings, training_hash
+from hilbertvae.training.site_roles import check_unseen
 
 BEST = {"monitor": "val/gap_nll", "mode": "min"}
 DISTRIBUTED = ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_PORT")
 """What Lightning leaves in the environment after a distributed training. The next one in this process, a job of the same multirun, would
 take it for the word of a cluster that has started its processes already, and wait for them for ever."""
-
-
-class AtomicCheckpoints(TorchCheckpointIO):
-    """A run that is killed while it saves still has the epoch before."""
-
-    def save_checkpoint(self, checkpoint, path, storage_options=None) -> None:
-        with atomic(path) as temporary:
-            super().save_checkpoint(checkpoint, temporary, storage_options)
 
 
 def kept_name(settings: Settings) -> str:
@@ -58,6 +52,11 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     """
     settings.check()
     output = Path(settings.output)
+    use_threads(settings)
+    if settings.trainer.initial:
+        card = Reconstructor.load(settings.trainer.initial).card
+        for key, sites in (("data.validate", [settings.data.validate]), ("data.test", settings.data.test)):
+            check_unseen(sites, card, key, "trainer.initial")
     kept = KeptNetwork(settings.trained, kept_name(settings)) if settings.trained and first_rank() else None
     checkpoint = output / "model.safetensors"
     reconstructor = kept.take(checkpoint) if kept else None
@@ -79,17 +78,15 @@ def first_rank() -> bool:
 
 def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
     output = Path(settings.output)
-    if settings.trainer.threads:
-        torch.set_num_threads(settings.trainer.threads)
     L.seed_everything(settings.seed, verbose=False)
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)  # its tips and device lists, twice under Hydra
     resume = _last_epoch(output, settings)
-    best = ModelCheckpoint(output / "checkpoints", "best", enable_version_counter=False, **BEST)
+    best = MovableCheckpoint(output / "checkpoints", "best", enable_version_counter=False, **BEST)
     # One of its own: `save_last` writes only where an epoch was the best so far, and a resumed run would go back to that.
-    last = ModelCheckpoint(output / "checkpoints", "last", enable_version_counter=False)
+    last = MovableCheckpoint(output / "checkpoints", "last", enable_version_counter=False)
     callbacks = [best, last, after_fit, LearningRateMonitor("step"), TQDMProgressBar(refresh_rate=10)]
     if settings.trainer.patience_epochs:
-        callbacks.append(EarlyStopping(patience=settings.trainer.patience_epochs, check_finite=True, **BEST))
+        callbacks.append(PatienceOnce(patience=settings.trainer.patience_epochs, check_finite=True, **BEST))
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*does not have many workers.*")
         warnings.filterwarnings("ignore", message=".*`isinstance.treespec, LeafSpec.`.*")

@@ -1,0 +1,64 @@
+"""Which part each site plays: training and evaluation never share one (METHOD 0 and 7)."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from hilbertvae.checks import InputError
+from hilbertvae.files import path_sha256
+from hilbertvae.scans.formats import is_scan_path
+from hilbertvae.scans.sites import CATALOGUE
+from hilbertvae.site import SIMULATED, site_name
+
+MANY = re.compile(r"(\d+) simulated \w+")
+"""How a network's card says that it was trained on simulated sites 0, 1, ..."""
+
+
+def check_roles(train: list[str], validate: str, test: list[str]) -> None:
+    """An `InputError` that names the key if a site plays two parts, or if results of two would lie in one folder."""
+    trained = {place(site) for site in train}
+    if place(validate) in trained:
+        raise InputError(f"data.validate: {validate!r} is also trained on")
+    both = [site for site in test if place(site) in {*trained, place(validate)}]
+    if both:
+        raise InputError(f"data.test: {', '.join(both)} is also trained or validated on")
+    names = [site_name(site) for site in test]
+    if len(set(names)) < len(names):
+        raise InputError(f"data.test: expected sites of different names, since results are kept under them, got {', '.join(names)}")
+
+
+def check_unseen(sites: list[str], card: dict, key: str, network: str) -> None:
+    """An `InputError` if one of `sites`, of config key `key`, is among what a network was trained on, as its card says.
+
+    network: which one, for the message. The site that it was validated on may be asked: that is where choices are made."""
+    trained: set[str] = set()
+    simulated = 0
+    stage: dict | None = card
+    while stage:
+        for site in stage.get("trained_on", []):
+            several = MANY.fullmatch(site)
+            simulated = max(simulated, int(several[1])) if several else simulated
+            trained.add(place(site))
+        stage = stage.get("started_from")
+    known = [site for site in sites if (at := place(site)) in trained or _number(at) < simulated]
+    if known:
+        raise InputError(f"{key}: {', '.join(known)} is among what {network} was trained on")
+
+
+def place(reference: str) -> str:
+    """One word for all spellings of a site: a simulated one's plain number, and the catalogue's name also for a copy of its files."""
+    if reference.startswith(SIMULATED) and reference.removeprefix(SIMULATED).isdigit():
+        return f"{SIMULATED}{int(reference.removeprefix(SIMULATED))}"
+    if not is_scan_path(reference):
+        return reference
+    path = Path(reference).resolve()
+    if not path.exists():
+        return str(path)
+    found = path_sha256(path)
+    return next((entry.name for entry in CATALOGUE.values() if entry.sha256 == found), str(path))
+
+
+def _number(reference: str) -> float:
+    """The seed of a simulated site, infinite for any other."""
+    return int(reference.removeprefix(SIMULATED)) if reference.startswith(SIMULATED) else float("inf")

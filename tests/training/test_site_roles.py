@@ -1,0 +1,67 @@
+import shutil
+from dataclasses import replace
+
+import pytest
+from training_toys import tiny_settings
+
+from hilbertvae.checks import InputError
+from hilbertvae.files import path_sha256
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.scans.sites import CATALOGUE
+from hilbertvae.training.scoring import give_networks
+from hilbertvae.training.site_roles import check_roles, check_unseen, place
+from hilbertvae.training.train import train
+from toy_rooms import tiny_reconstructor
+
+CARD = {
+    "trained_on": ["fr079", "30 simulated buildings"],
+    "validated_on": "csail",
+    "started_from": {"trained_on": ["aces", "simulated:77", "12 simulated buildings"], "validated_on": "fhw"},
+}
+
+
+def test_a_simulated_site_has_one_number():
+    with pytest.raises(InputError, match="data.test: simulated:07 is also trained or validated on"):
+        check_roles(["simulated:7"], "csail", ["simulated:07"])
+
+
+def test_a_copy_of_a_real_site_is_that_site(tmp_path, monkeypatch):
+    """Whatever its name: what lies in the file decides."""
+    log = tmp_path / "office.log"
+    log.write_text("FLASER 1 1.0 0 0 0 0 0 0 0 host 0\n")
+    monkeypatch.setitem(CATALOGUE, "fr079", replace(CATALOGUE["fr079"], sha256=path_sha256(log)))
+    copy = shutil.copy(log, tmp_path / "copy.log")
+    assert place(str(copy)) == "fr079"
+    with pytest.raises(InputError, match="copy.log is also trained or validated on"):
+        check_roles(["fr079"], "csail", [str(copy)])
+
+
+@pytest.mark.parametrize("site", ["fr079", "aces", "simulated:0", "simulated:029", "simulated:77"])
+def test_what_a_network_was_trained_on_is_no_test(site):
+    with pytest.raises(InputError, match=f"data.test: {site} is among what the network was trained on"):
+        check_unseen(["intel", site], CARD, "data.test", "the network")
+
+
+def test_what_a_network_has_not_seen_is_one_and_its_validation_site_may_be_asked():
+    check_unseen(["intel", "csail", "fhw", "simulated:30", "simulated:900002", "no/such/path.log"], CARD, "data.test", "the network")
+    check_unseen(["intel"], {}, "data.test", "the network")
+
+
+def test_networks_are_asked_before_anything_is_scored(tmp_path):
+    network = tiny_reconstructor(2)
+    network.card = CARD
+    settings = tiny_settings(tmp_path / "run", tmp_path / "cache")
+    settings = replace(settings, data=replace(settings.data, test=["fr079"]))
+    with pytest.raises(InputError, match="data.test: fr079 is among what the network of mapper.cvae-hm was trained on"):
+        give_networks(settings, {"cvae-hm": HilbertMap("trained")}, network)
+
+
+def test_a_training_that_goes_on_asks_the_network_it_starts_from(tmp_path):
+    network = tiny_reconstructor(2)
+    network.card = CARD
+    network.save(tmp_path / "first.safetensors")
+    settings = tiny_settings(tmp_path / "run", tmp_path / "cache")
+    settings = replace(settings, trainer=replace(settings.trainer, initial=str(tmp_path / "first.safetensors")))
+    with pytest.raises(InputError, match="data.validate: aces is among what trainer.initial was trained on"):
+        train(replace(settings, data=replace(settings.data, validate="aces")))
+    assert not (tmp_path / "run").exists()
