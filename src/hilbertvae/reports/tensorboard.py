@@ -14,9 +14,9 @@ from hilbertvae.scoring.result import Result
 
 
 def score_scalars(result: Result) -> dict[str, float]:
-    """`score/<mapper>/<reading>/<region>/<metric>` by the mean over gap seeds."""
+    """`score/<site>/<mapper>/<reading>/<region>/<metric>` by the mean over gap seeds."""
     return {
-        f"score/{mapper}/{reading}/{region}/{metric}": float(np.mean(values))
+        f"score/{_tag(result)}/{mapper}/{reading}/{region}/{metric}": float(np.mean(values))
         for mapper, readings in result.scores.items()
         for reading, regions in readings.items()
         for region, metrics in regions.items()
@@ -24,19 +24,22 @@ def score_scalars(result: Result) -> dict[str, float]:
     }
 
 
-def write_tensorboard(
-    writer, result: Result, figures: Mapping[str, Figure] | None = None, config: dict | None = None, step: int = 0
-) -> None:
+def _tag(result: Result) -> str:
+    """The site in a tag, as TensorBoard writes that of a picture: a run may have several test sites."""
+    return result.site.replace(":", "_")
+
+
+def write_tensorboard(writer, result: Result, figures: Mapping[str, Figure] | None = None, config: dict | None = None) -> None:
     """Write everything to `writer`, a `torch.utils.tensorboard.SummaryWriter` or what acts like one.
 
-    figures: by tag, such as `site/map`, shown as images. config: plain containers, shown as text. step: of the training, for all.
+    figures: by tag, such as `site/map`, shown as images. config: plain containers, shown as text.
     """
     for tag, value in score_scalars(result).items():
-        writer.add_scalar(tag, value, step)
+        writer.add_scalar(tag, value, 0)
     for tag, figure in (figures or {}).items():
-        writer.add_image(tag, pixels(figure), step, dataformats="HWC")
-    writer.add_text("scores", markdown_scores(result), step)
+        writer.add_image(tag, pixels(figure), 0, dataformats="HWC")
+    writer.add_text(f"{_tag(result)}/scores", markdown_scores(result), 0)
     if config is not None:
         # Four spaces make a Markdown code block, whatever the text contains.
-        writer.add_text("config", "\n".join("    " + line for line in json.dumps(config, indent=2, default=str).splitlines()), step)
+        writer.add_text("config", "\n".join("    " + line for line in json.dumps(config, indent=2, default=str).splitlines()), 0)
     writer.flush()
