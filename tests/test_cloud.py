@@ -194,6 +194,7 @@ def test_the_resolution_follows_the_dimension_unless_given(box):
         ([np.ones((5, 2)), np.ones((4, 2))], [[0.0, 0.0]], r"origins: expected one per scan \(2\), got 1"),
         ([np.ones((5, 2))], [[0.0, 0.0, 0.0]], r"origins: expected shape \(N, 2\)"),
         ([np.ones((5, 2)), np.ones((4, 3))], [[0.0, 0.0], [0.0, 0.0]], "points: expected"),
+        ([np.ones((5, 4))], [[0.0, 0.0, 0.0]], r"points: expected shape \(N, 2\) or \(N, 3\), got \(5, 4\)"),
         (np.ones((5, 2)), np.ones((4, 2)), "origins: expected"),
         (np.ones((5, 2)), [0.0, 0.0, 0.0], "origins: expected"),
         (np.ones((5, 2)), "here", "origins: expected"),
@@ -205,7 +206,7 @@ def test_scans_that_do_not_fit_together_are_named(points, origins, message):
 
 
 def test_bad_resolutions_and_too_large_extents_are_named():
-    for resolution_m in (-0.1, np.nan):
+    for resolution_m in (-0.1, 0, np.nan):
         with pytest.raises(InputError, match="resolution_m: expected a positive number"):
             cloud_from_scans([[1.0, 0.0]], [0.0, 0.0], resolution_m)
     scans = Scans(np.array([[1.0, 0.0], [1e13, 1e13]]), np.array([[0.0, 0.0], [1e13, 1e13 + 1]]), np.zeros(2, int), np.zeros(2, int))

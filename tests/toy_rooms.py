@@ -6,8 +6,9 @@ import numpy as np
 import torch
 
 from hilbertvae.grids.cluster_grids import GridSettings
-from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
+from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.likelihood import LikelihoodSettings
+from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.scans.scan import Scans
 
@@ -78,7 +79,7 @@ def tiny_reconstructor(dimension=2, seed=0, **network) -> Reconstructor:
     torch.manual_seed(seed)
     settings = GatedNetworkSettings(**{"stem": 2, "channels": [4, 8], "blocks": [1, 1], "latent": 3, **network})
     grid = tiny_grid(dimension)
-    made = GatedNetwork(settings, dimension, grid.cells)
+    made = build_network(settings, dimension, grid.cells)
     draw_weights(made)
     return Reconstructor(made, settings, LikelihoodSettings(), grid, dimension, {2: 0.1, 3: 0.2}[dimension])
 

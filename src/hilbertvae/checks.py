@@ -33,6 +33,13 @@ def check_positive(value: float, name: str) -> float:
     return float(value)
 
 
+def check_cell_m(value: float, name: str) -> float:
+    """`value` as the side of a map's cell, metres; an `InputError` for one that no map can have, which would overflow whole numbers."""
+    if not 1e-4 <= check_positive(value, name) <= 1e4:
+        raise InputError(f"{name}: expected from 0.0001 to 10000 metres, got {value!r}")
+    return float(value)
+
+
 def check_not_negative(value: float, name: str) -> float:
     """`value` as a finite float from 0 on; an `InputError` otherwise."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value) or value < 0:

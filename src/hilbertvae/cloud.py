@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_points
+from hilbertvae.checks import InputError, check_cell_m, check_points
 from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_votes import VoxelVotes, voxel_votes
 
@@ -88,6 +88,7 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None) -> Clou
     resolution_m: 0.1 in 2D and 0.2 in 3D unless given. Raises `InputError` for what does not fit together.
     """
     if isinstance(points, (list, tuple)) and len(points) and np.ndim(points[0]) == 2:
+        check_points(points[0], "points", allow_empty=True)
         origins = check_points(origins, "origins", dimension=np.shape(points[0])[1])
         if len(origins) != len(points):
             raise InputError(f"origins: expected one per scan ({len(points)}), got {len(origins)}")
@@ -102,4 +103,4 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None) -> Clou
         origins = np.broadcast_to(origins, points.shape)
         scan = np.zeros(len(points), np.int32)
     scans = Scans(points, origins, scan, np.arange(len(points), dtype=np.int32))
-    return fit_cloud(scans, resolution_m or RESOLUTION_M[points.shape[1]])
+    return fit_cloud(scans, RESOLUTION_M[points.shape[1]] if resolution_m is None else check_cell_m(resolution_m, "resolution_m"))

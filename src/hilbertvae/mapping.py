@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import tempfile
 import time
@@ -13,9 +14,8 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import numpy as np
-import torch
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_cell_m
 from hilbertvae.cloud import fit_cloud
 from hilbertvae.exports.formats import EXPORTS, check_names, suiting_exports, write_exports
 from hilbertvae.exports.map_cells import REACH_M, MapCells
@@ -27,6 +27,7 @@ from hilbertvae.mappers.given_map import GivenMap, is_given_map, read_given_map
 from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.saved_map import save_map
 from hilbertvae.mappers.weights import check_calibration
+from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from hilbertvae.scans.scan import Scans
@@ -60,8 +61,10 @@ class MapSettings(ReadingSettings):
     of what beams would hit. It fills in two to four times as much, and more of that is wrong (a street's gaps, by cells: recall 89 %
     for 43 %, precision 54 % for 88 %); of seen cells some more are occupied (4 % more in a street, 14 % in a building)."""
     exports: list[str] | None = None
-    """Which formats are written, of ros, ot, bt, points, mesh, npz and rerun; all that suit the map and need no extra, unless given."""
+    """Which formats are written, as `exports=[ros,points]`, of ros, ot, bt, points, mesh, npz and rerun; all that suit the map and need no
+    extra, unless given."""
     device: str = "cpu"
+    """Where the network computes: `cpu`, or `cuda` where there is one."""
 
     def reading(self) -> ReadingSettings:
         """How scans are read."""
@@ -77,13 +80,16 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     if not settings.scans:
         raise InputError("scans: expected a file or a folder of scans, got none; give scans=<path>")
     if settings.resolution_m is not None:
-        check_positive(settings.resolution_m, "resolution_m")
+        check_cell_m(settings.resolution_m, "resolution_m")
     check_names(settings.exports)
     check_device(settings.device)
     check_calibration(settings.calibration)
     mapper = load_mapper(settings.weights) if settings.weights else None  # before the scans, which may take long
     name = Path(settings.scans).resolve().name
     output = Path(settings.output or Path("outputs/maps") / name)
+    name = name.encode("utf-8", "replace").decode()  # a name of another encoding can't be drawn or written
+    if output.resolve() == Path(settings.scans).resolve():
+        raise InputError(f"output: {output} is the folder that is read, where a map would lie among the scans; choose another")
     clock = Clock(say)
     clock.start("read")
     source = _read(settings)
@@ -96,14 +102,18 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         raise InputError(f"weights: {weights} is a network for {mapper.reconstructor.dimension}D, got {source.dimension}D scans")
     network_m = mapper.reconstructor.resolution_m
     resolution_m = settings.resolution_m or (source.cell_m if isinstance(source, GivenMap) else network_m)
-    # A coarser map is asked for finely, and its cells joined: the network has to see places in its own resolution.
-    mapper.resolution_m = fine_m = min(resolution_m, network_m)
+    # A coarser map is asked for finely, and its cells joined: the network has to see places in its own resolution. A whole number of
+    # fine cells makes a coarse one, else what is seen in one would leak into the next.
+    mapper.resolution_m = fine_m = resolution_m / max(1, math.ceil(resolution_m / network_m - 1e-9))
 
     with _beside(output) as folder:
         clock.start("label points")
         cloud = source.cloud(fine_m) if isinstance(source, GivenMap) else fit_cloud(source, fine_m)
         points = point_counts(cloud, source if isinstance(source, Scans) else None)
         dimension = source.dimension
+        if cloud.occupied.all() or not cloud.occupied.any():
+            found = "occupied" if cloud.occupied.any() else "free"
+            raise InputError(f"{settings.scans}: expected free and occupied space, found {found} space alone")
         del source  # a long drive's returns take much of the memory
         clock.start("complete grids" if settings.fill else "gather evidence")
         mapper.progress = clock.share
@@ -146,20 +156,11 @@ def _check_output(output: Path, scans: Path, exports: list[str]) -> None:
     """An `InputError` where writing would replace what is no earlier map of this command, or the very scans."""
     written = {MAP, PICTURE, PAGE, SUMMARY, *(name for kind in exports for name in EXPORTS[kind].files)}
     there = {name for name in written if (output / name).exists()}
-    read = {name for name in there if scans.parent.resolve() == output.resolve() and Path(name).stem == scans.stem}
     earlier = _listed(output)
-    for name in sorted(read):
-        raise InputError(f"output: {output / name} is what is read, and would be replaced; choose another folder")
+    if scans.parent.resolve() == output.resolve() and scans.stem in {Path(name).stem for name in there | earlier}:
+        raise InputError(f"output: {scans} is what is read, and would be replaced or removed; choose another folder")
     for name in sorted(there - earlier - ({SUMMARY} if earlier else set())):
         raise InputError(f"output: {output / name} was not left by an earlier map, and would be replaced; choose another folder")
-
-
-def check_device(device: str) -> None:
-    """An `InputError` for a device that torch does not have here."""
-    try:
-        torch.empty(0, device=device)
-    except (RuntimeError, AssertionError) as error:
-        raise InputError(f"device: expected cpu, or cuda where there is one, got {device!r} ({str(error).splitlines()[0]})") from error
 
 
 @contextmanager

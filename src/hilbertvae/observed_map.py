@@ -15,9 +15,9 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_cell_m, check_positive
 from hilbertvae.cloud import Cloud
-from hilbertvae.scans.file_points import check_fits, reading
+from hilbertvae.scans.file_points import check_fits, named, reading
 
 OCCUPIED_PIXEL, FREE_PIXEL, UNKNOWN_PIXEL = 0, 254, 205
 """What map savers write."""
@@ -135,16 +135,16 @@ def _header(path: Path) -> _Header:
         raise InputError(f"{path}: expected the key{'s' * (len(missing) > 1)} {', '.join(missing)} of a map_server map")
     image, origin, mode = content["image"], content["origin"], content.get("mode", "trinary")
     if not isinstance(image, str) or not image or "\0" in image:
-        raise InputError(f"{path}: image: expected the name of a file, got {str(image)[:60]!r}")
+        raise InputError(f"{path}: image: expected the name of a file, got {_said(image)}")
     if not isinstance(origin, list) or len(origin) != 3:
-        raise InputError(f"{path}: origin: expected [x, y, yaw], got {str(origin)[:60]}")
+        raise InputError(f"{path}: origin: expected [x, y, yaw], got {_said(origin)}")
     if mode not in MODES:
-        raise InputError(f"{path}: mode: expected one of {', '.join(MODES)}, got {str(mode)[:60]!r}")
+        raise InputError(f"{path}: mode: expected one of {', '.join(MODES)}, got {_said(mode)}")
     if content["negate"] not in (0, 1):
-        raise InputError(f"{path}: negate: expected 0 or 1, got {str(content['negate'])[:60]!r}")
+        raise InputError(f"{path}: negate: expected 0 or 1, got {_said(content['negate'])}")
     resolution, occupied, free = (_number(path, key, content[key]) for key in ("resolution", "occupied_thresh", "free_thresh"))
-    if not resolution > 0:
-        raise InputError(f"{path}: resolution: expected a positive number of metres, got {resolution}")
+    with named(path):
+        check_cell_m(resolution, "resolution")
     if not 0 <= free < occupied <= 1:
         raise InputError(f"{path}: expected 0 <= free_thresh < occupied_thresh <= 1, got {free} and {occupied}")
     pose = tuple(_number(path, "origin", value) for value in origin)
@@ -158,8 +158,13 @@ def _number(path: Path, key: str, value) -> float:
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        raise InputError(f"{path}: {key}: expected a finite number, got {str(value)[:60]!r}")
+        raise InputError(f"{path}: {key}: expected a finite number, got {_said(value)}")
     return number
+
+
+def _said(value) -> str:
+    """A value of a YAML file in a message: a short file can name a part of it so often that its text would fill the memory."""
+    return repr(str(value)[:60]) if isinstance(value, (str, int, float)) else f"a {type(value).__name__}"
 
 
 def _image_codes(header: _Header) -> np.ndarray:

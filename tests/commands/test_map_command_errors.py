@@ -1,5 +1,6 @@
 """What `hilbertvae-map` refuses, and that it leaves nothing behind."""
 
+import os
 import resource
 import signal
 import subprocess
@@ -14,6 +15,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.commands import map as map_command
 from hilbertvae.exports.formats import EXPORTS
 from hilbertvae.mapping import MapSettings, make_map
+from toy_rooms import carmen_line, write_log
 
 
 def test_a_key_is_named_as_this_command_has_it(tmp_path, capsys):
@@ -47,7 +49,7 @@ def test_3d_scans_without_poses_name_the_way_out(box, tmp_path, capsys):
         (["scans=room.npz", "weights=3d"], "3D"),
         (["scans=room.npz", "max_range_m=0.01"], "room.npz"),
         (["scans=broken.npz"], "broken.npz"),
-        (["scans=room.npz", "exports=[ros"], "exports: expected list[str] | None, got '[ros'"),
+        (["scans=room.npz", "exports=[ros"], "exports: expected [word,word,...] | None, got '[ros'"),
         (["scans=room.npz", "device=gpu"], "device: expected cpu"),
         (["scans=${HOME}.npz"], "${HOME}.npz"),
         (["scans=???"], "???"),
@@ -125,6 +127,48 @@ def test_the_map_that_is_filled_is_not_replaced(room, tmp_path, capsys):
         assert map_command.main([f"scans={out / name}", f"output={out}", "fill=off"]) == 2
         assert "is what is read" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_an_earlier_map_that_is_read_is_not_taken_away(room, tmp_path, capsys):
+    """Also where this map would not write such a file, but clear away what the earlier one left."""
+    out = make_map(MapSettings(scans=str(npz_of(room, tmp_path / "room.npz")), output=str(tmp_path / "out"), fill=False))
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert map_command.main([f"scans={out / 'map_observed.ot'}", f"output={out}", "fill=off", "exports=[npz]"]) == 2
+    assert "map_observed.ot is what is read" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_no_map_is_laid_among_the_scans(room, tmp_path, capsys):
+    drive = tmp_path / "drive"
+    drive.mkdir()
+    npz_of(room, drive / "room.npz")
+    assert map_command.main([f"scans={drive}", f"output={drive}", "fill=off"]) == 2
+    assert "is the folder that is read" in capsys.readouterr().err
+    assert [path.name for path in drive.iterdir()] == ["room.npz"]
+
+
+def test_free_space_alone_is_no_map(tmp_path, capsys):
+    (tmp_path / "map.pgm").write_bytes(b"P5 8 8 255\n" + bytes([254]) * 64)
+    (tmp_path / "map.yaml").write_text(
+        "image: map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    assert map_command.main([f"scans={tmp_path / 'map.yaml'}", f"output={tmp_path / 'out'}"]) == 2
+    assert "map.yaml: expected free and occupied space, found free space alone" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["a$^$b.npz", os.fsdecode(b"B\xfcro.npz")])
+def test_names_that_are_no_text_to_draw(room, tmp_path, name):
+    """What TeX would take for a formula, and a name in another encoding."""
+    scans = npz_of(room, tmp_path / "room.npz").rename(tmp_path / name)
+    out = make_map(MapSettings(scans=str(scans), output=str(tmp_path / "out"), fill=False, exports=["npz"]))
+    assert (out / "map.png").stat().st_size > 1000
+
+
+def test_warnings_name_keys_as_this_command_has_them(tmp_path, capsys):
+    log = write_log(tmp_path / "attic.log", [carmen_line(np.full(240, 2.0), [0, 0, 0])])
+    assert map_command.main([f"scans={log}", f"output={tmp_path / 'out'}", "fill=off", "exports=[npz]"]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "set beam_step_deg" in said and "reading." not in said
 
 
 @pytest.mark.parametrize("error", [MemoryError(), RuntimeError("DefaultCPUAllocator: not enough memory: you tried to allocate 9 bytes")])

@@ -79,6 +79,10 @@ def test_bad_queries_are_named(room, queries, message):
         ({"neighbours": 0, "weights": "unit"}, "neighbours: expected a whole number of at least 1, got 0"),
         ({"flips": 3}, "flips: expected 1, 2, 4 or 8, got 3"),
         ({"flips": 0}, "flips: expected 1, 2, 4 or 8, got 0"),
+        ({"fill": "off"}, "fill: expected True or False, got 'off'"),
+        ({"resolution_m": -1}, "resolution_m: expected a positive number, got -1"),
+        ({"resolution_m": "a"}, "resolution_m: expected a positive number, got 'a'"),
+        ({"device": "gpu"}, "device: expected cpu, or cuda where there is one, got 'gpu'"),
     ],
 )
 def test_bad_parameters_are_named(room, parameters, message):

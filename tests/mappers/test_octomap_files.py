@@ -113,6 +113,7 @@ def files(tmp_path_factory):
         (b"size ", b"size " + b"9" * 5000, "size: expected 9"),
         (b"size ", b"sighs ", "size: expected None"),
         (b"res 0.2", b"res 0", "res: expected a positive number"),
+        (b"res 0.2", b"res 1e308", "res: expected from 0.0001 to 10000 metres"),
         (b"res 0.2", b"res nan", "res: expected a positive number"),
         (b"res 0.2", b"res wide", "expected a number, got 'wide'"),
         (b"res 0.2\n", b"", "expected a number, got 'None'"),

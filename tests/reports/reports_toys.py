@@ -4,8 +4,9 @@ import numpy as np
 import torch
 
 from hilbertvae.grids.cluster_grids import GridSettings
-from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
+from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.likelihood import LikelihoodSettings
+from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scoring.metrics import METRICS
@@ -42,7 +43,7 @@ def reconstructor(dimension=2, cells=16):
     settings = GatedNetworkSettings(stem=2, channels=[4, 8], blocks=[1, 1], latent=3)
     resolution_m = {2: 0.1, 3: 0.2}[dimension]
     grid = GridSettings(cells=cells, cluster_diameter_m=cells * resolution_m, inner_radius_m=0.5)
-    return Reconstructor(GatedNetwork(settings, dimension, cells), settings, LikelihoodSettings(), grid, dimension, resolution_m)
+    return Reconstructor(build_network(settings, dimension, cells), settings, LikelihoodSettings(), grid, dimension, resolution_m)
 
 
 def result(mappers=("cvae-hm", "nearest"), seeds=(0, 1, 2), dimension=2):

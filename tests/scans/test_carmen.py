@@ -174,3 +174,10 @@ def test_bad_lines_are_named(tmp_path, line, message):
 def test_bad_options_are_named(tmp_path, options):
     with pytest.raises(InputError, match=next(iter(options))):
         read_carmen(write_log(tmp_path / "a.log", good_lines(2)), **options)
+
+
+def test_a_packed_line_without_end_is_refused_before_it_fills_the_memory(tmp_path):
+    path = tmp_path / "zeros.log.gz"
+    path.write_bytes(gzip.compress(bytes(1 << 22)))
+    with pytest.raises(InputError, match="zeros.log.gz, line 1: expected a CARMEN log, got a line of more than"):
+        read_carmen(path)

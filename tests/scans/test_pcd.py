@@ -7,6 +7,8 @@ from point_writers import POINTS, write_pcd
 from hilbertvae.checks import InputError
 from hilbertvae.scans.pcd import read_pcd
 
+WRITTEN_M = {"ascii": 1e-10, "binary": 0.0, "binary_compressed": 0.0}
+"""How well: the text that is written has ten digits behind the point."""
 ENCODINGS = pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_compressed"])
 
 
@@ -14,13 +16,14 @@ ENCODINGS = pytest.mark.parametrize("encoding", ["ascii", "binary", "binary_comp
 def test_an_organised_cloud_with_no_returns(tmp_path, encoding):
     points = POINTS.copy()
     points[::7] = np.nan
-    np.testing.assert_array_equal(read_pcd(write_pcd(tmp_path / "a.pcd", points, encoding, width=12)).points, points)
+    found = read_pcd(write_pcd(tmp_path / "a.pcd", points, encoding, width=12)).points
+    np.testing.assert_allclose(found, points, rtol=0, atol=WRITTEN_M[encoding])
 
 
 @ENCODINGS
 def test_a_viewpoint_is_the_origin_and_turns_nothing(tmp_path, encoding):
     found = read_pcd(write_pcd(tmp_path / "a.pcd", POINTS, encoding, viewpoint=(1.5, -2.0, 0.25, 0.0, 0.0, 0.0, 1.0)))
-    np.testing.assert_array_equal(found.points, POINTS)
+    np.testing.assert_allclose(found.points, POINTS, rtol=0, atol=WRITTEN_M[encoding])
     np.testing.assert_array_equal(found.origins, [1.5, -2.0, 0.25])
     assert read_pcd(write_pcd(tmp_path / "b.pcd", POINTS, encoding)).origins is None
 
@@ -53,7 +56,7 @@ def test_versions_without_count(tmp_path, encoding, changed):
     assert f"DATA {encoding}\n".encode() in new
     data = new[new.index(b"DATA") :].split(b"\n", 1)[1]
     path = write(tmp_path, data, WIDTH="60", POINTS="60", DATA=encoding, **changed)
-    np.testing.assert_array_equal(read_pcd(path).points, points)
+    np.testing.assert_allclose(read_pcd(path).points, points, rtol=0, atol=WRITTEN_M[encoding])
 
 
 def test_a_viewpoint_and_gaps_without_count(tmp_path):
@@ -100,3 +103,9 @@ PACKED = {"DATA": "binary_compressed"}
 def test_bad_files_are_named(tmp_path, data, changed, message):
     with pytest.raises(InputError, match=f"a.pcd.*{message}"):
         read_pcd(write(tmp_path, data, **changed))
+
+
+def test_text_is_read_as_it_stands_whatever_size_the_header_gives(tmp_path):
+    """A northing in four bytes is off by up to a quarter of a metre."""
+    path = write(tmp_path, b"412345.678 5400000.456 1.5\n412345.679 5400000.457 1.5\n")
+    np.testing.assert_array_equal(read_pcd(path).points, [[412345.678, 5400000.456, 1.5], [412345.679, 5400000.457, 1.5]])

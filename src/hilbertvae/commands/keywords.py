@@ -40,7 +40,8 @@ def settings_of(kind: type[T], words: list[str]) -> T:
         try:
             OmegaConf.update(schema, key, OmegaConf.from_dotlist([f"value={text}"])["value"])
         except (OmegaConfBaseException, YAMLError, ValueError) as error:
-            raise InputError(f"{key}: expected {types_of(kind)[key]}, got {text!r}") from error
+            wanted = types_of(kind)[key].replace("list[str]", "[word,word,...]")
+            raise InputError(f"{key}: expected {wanted}, got {text!r}") from error
     settings = OmegaConf.to_object(schema)
     for key, text in texts.items():
         setattr(settings, key, text)

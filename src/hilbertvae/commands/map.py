@@ -21,18 +21,22 @@ ABOUT = "Map the scans at a path and fill in what the sensor could not see. Noth
 
 
 GROUPED = rf"\breading\.({'|'.join(part.name for part in fields(ReadingSettings))})\b"
-"""Settings that are a group elsewhere stand alone here."""
+
+
+def _alone(text: str) -> str:
+    """Settings that are a group elsewhere stand alone here."""
+    return re.sub(GROUPED, r"\1", text)
 
 
 def run(settings: MapSettings) -> None:
     """Make the map, say what it came out as."""
     console = Console(stderr=True)
-    warnings.showwarning = lambda message, *rest, **named: console.print(Text(str(message), "yellow"))
+    warnings.showwarning = lambda message, *rest, **named: console.print(Text(_alone(str(message)), "yellow"))
     try:
         with console.status("start") as status:
             output = make_map(settings, lambda stage: status.update(Text(f"{settings.scans}: {stage}")))
     except InputError as error:
-        raise InputError(re.sub(GROUPED, r"\1", str(error))) from error
+        raise InputError(_alone(str(error))) from error
     summary = json.loads((output / SUMMARY).read_text(encoding="utf-8"))
     print(report(summary, output))
 

@@ -45,7 +45,7 @@ def _flat(cells: MapCells, title: str) -> Figure:
     for axes, sheet, said in zip(panels, sheets, (f"{title}, as observed", "filled in"), strict=True):
         image = show_probability(axes, sheet, extent)
         scale_bar(axes)
-        axes.set_title(said, fontsize=10, loc="left", pad=3)
+        axes.set_title(said, fontsize=10, loc="left", pad=3, parse_math=False)
     probability_bar(figure, image, panels.tolist(), shrink=0.8)
     return figure
 
@@ -66,5 +66,5 @@ def _solid(cells: MapCells, title: str) -> Figure:
         axes.imshow(image, extent=(0, camera.pixels[0] * camera.pixel_m, 0, camera.pixels[1] * camera.pixel_m), interpolation="antialiased")
         axes.set(xticks=[], yticks=[])
         scale_bar(axes)
-        axes.set_title(said, fontsize=10, loc="left", pad=3)
+        axes.set_title(said, fontsize=10, loc="left", pad=3, parse_math=False)
     return figure

@@ -12,6 +12,7 @@ from hilbertvae.grids.training_grids import gapped_grids
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.weights import READINGS
 from hilbertvae.reconstruction.adaptation import adapted, batch_size
+from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
 
 CUT_GAPS_M = (1.5, 3.5)
@@ -43,6 +44,9 @@ class CompletingMapper(Mapper):
     def _check_network(self, dimension: int) -> None:
         if self.reconstructor is not None and self.reconstructor.dimension != dimension:
             raise InputError(f"points: the network is for {self.reconstructor.dimension}D, got {dimension}D points")
+        check_device(self.device)
+        if not isinstance(self.fill, (bool, np.bool_)):
+            raise InputError(f"fill: expected True or False, got {self.fill!r}")
 
     @property
     def detailed_(self) -> bool:

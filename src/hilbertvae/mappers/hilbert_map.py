@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import expit
 from sklearn.utils.validation import check_is_fitted
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_cell_m, check_count
 from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_shown, cloud_clusters, frames_of
@@ -119,15 +119,15 @@ class HilbertMap(GrowingMapper):
         if self.inner_radius_m is not None:
             self.grid_ = replace(self.grid_, inner_radius_m=self.inner_radius_m)
             self.grid_.check()
-        resolution_m = self.resolution_m or (network.resolution_m if network else RESOLUTION_M[dimension])
+        network_m = network.resolution_m if network else RESOLUTION_M[dimension]
+        resolution_m = network_m if self.resolution_m is None else check_cell_m(self.resolution_m, "resolution_m")
         self.evidence_ = Evidence(cloud.points, cloud.occupied, cloud.weight, resolution_m)
         self.rank_weights_ = self._rank_weights()
         self.small_seeds_ = self._growing = self.adapted_ = None
 
     def check_settings(self) -> None:
         """An `InputError` that names the setting which no map can have."""
-        if isinstance(self.neighbours, bool) or not isinstance(self.neighbours, (int, np.integer)) or self.neighbours < 1:
-            raise InputError(f"neighbours: expected a whole number of at least 1, got {self.neighbours!r}")
+        check_count(self.neighbours, "neighbours")
         if self.flips_ not in (1, 2, 4, 8):
             raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips_!r}")
         if self.weights not in ("unit", "rank", "cluster"):

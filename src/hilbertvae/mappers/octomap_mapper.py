@@ -12,7 +12,7 @@ import numpy as np
 import octomap
 from sklearn.utils.validation import check_is_fitted
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_cell_m, check_positive
 from hilbertvae.cloud import RESOLUTION_M
 from hilbertvae.files import atomic
 from hilbertvae.mappers.mapper import Mapper
@@ -177,7 +177,7 @@ def _mapper_of(content: bytes) -> OctoMapMapper:
     if not titles or fields.get("id") != "OcTree":
         kind = str(fields.get("id"))[:40]
         raise InputError(f"expected a first line {list(_TITLES.values())} and id OcTree, got {head[0][:40]!r} and id {kind}")
-    mapper = OctoMapMapper(resolution_m=check_positive(_number(fields.get("res")), "res"))
+    mapper = OctoMapMapper(resolution_m=check_cell_m(_number(fields.get("res")), "res"))
     shifts = [line.removeprefix(_SHIFT).split() for line in head if line.startswith(_SHIFT)] or [["0"] * 3]
     shift = np.array([_number(word) for word in shifts[0]])
     if len(shift) not in RESOLUTION_M or not (np.isfinite(shift) & (shift == np.rint(shift))).all():

@@ -5,8 +5,18 @@ from __future__ import annotations
 
 import torch
 
+from hilbertvae.checks import InputError
+
 CPU_FEATURES = ("amx_bf16", "avx512_bf16", "bf16")
 """As `torch.cpu.get_capabilities` calls them, on x86 and on ARM."""
+
+
+def check_device(device: str) -> None:
+    """An `InputError` for a device that torch does not have here."""
+    try:
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise InputError(f"device: expected cpu, or cuda where there is one, got {device!r} ({str(error).splitlines()[0]})") from error
 
 
 def fast_type(device: str = "cpu") -> torch.dtype:

@@ -14,6 +14,7 @@ from hilbertvae.scans.beam_lengths import UnitCheck
 from hilbertvae.scans.scan import Scans
 
 MAX_BEAMS = 4096
+MAX_LINE = 1 << 20
 """More beams than any planar laser of this format has; a larger count is a forged line."""
 MIN_RANGE_M = 0.02
 """Shorter ranges are the sensor's own housing or an error code of 0."""
@@ -87,7 +88,10 @@ def _lines(path: Path):
         with open(path, "rb") as raw:
             packed = raw.read(2) == b"\x1f\x8b"
         with gzip.open(path, "rb") if packed else open(path, "rb") as file:
-            yield from enumerate(file, start=1)
+            for number, line in enumerate(iter(lambda: file.readline(MAX_LINE + 1), b""), start=1):
+                if len(line) > MAX_LINE:  # a packed file of a megabyte can hold a line of a gigabyte
+                    raise InputError(f"{path}, line {number}: expected a CARMEN log, got a line of more than {MAX_LINE} bytes")
+                yield number, line
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; expected a CARMEN log (.log or .log.gz)") from error
     except EOFError as error:

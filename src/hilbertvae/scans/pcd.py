@@ -11,6 +11,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, extra_module, reading
+from hilbertvae.scans.point_text import number_table
 
 MAX_VALUES = 1024
 """Numbers a point may have; pypcd4 makes a name for each before it looks at the data."""
@@ -34,6 +35,8 @@ def read_pcd(path: str | os.PathLike) -> FilePoints:
             mended, start = _as_new(lines), file.tell()
             header = pypcd4.MetaData.parse_header(mended)
             names = _check(path, file, header)
+            if header.data.value == "ascii":
+                return FilePoints(_ascii(path, file, header, names), _given_origin(path, header, names))
             if mended == lines:
                 cloud = pypcd4.PointCloud.from_path(path)
             else:  # pypcd4 reads the header again, so it is given a new one
@@ -43,7 +46,18 @@ def read_pcd(path: str | os.PathLike) -> FilePoints:
         if len(rows) != header.points:
             raise InputError(f"{path}: truncated or forged; {header.points} points declared, {len(rows)} found")
         points = np.column_stack([rows[name].astype(np.float64) for name in names])
-        return FilePoints(points, None if header.viewpoint == DEFAULT_VIEWPOINT else _origin(path, header, len(names)))
+        return FilePoints(points, _given_origin(path, header, names))
+
+
+def _ascii(path: Path, file, header, names: list[str]) -> np.ndarray:
+    """(N, D) as the text has it: SIZE may say 4 bytes, which hold no northing to the centimetre."""
+    if not header.points:
+        return np.empty((0, len(names)))
+    first = np.cumsum([0, *header.count])
+    rows = number_table(file, columns=[int(first[header.fields.index(name)]) for name in names], max_rows=header.points + 1)
+    if len(rows) != header.points:
+        raise InputError(f"{path}: truncated or forged; {header.points} points declared, {len(rows)} found")
+    return rows
 
 
 def _header_lines(file) -> list[str]:
@@ -95,8 +109,10 @@ def _check(path: Path, file, header) -> list[str]:
     return [name for name in "xyz" if name in single]
 
 
-def _origin(path: Path, header, dimension: int) -> np.ndarray:
-    origin = np.array(header.viewpoint[:dimension], dtype=np.float64)
+def _given_origin(path: Path, header, names: list[str]) -> np.ndarray | None:
+    if header.viewpoint == DEFAULT_VIEWPOINT:
+        return None
+    origin = np.array(header.viewpoint[: len(names)], dtype=np.float64)
     if not np.isfinite(origin).all():
         raise InputError(f"{path}: expected a finite VIEWPOINT, got {header.viewpoint}")
     return origin
