@@ -116,6 +116,20 @@ def test_axes_are_eigenvectors_the_largest_first_and_point_to_free_space(place, 
         assert len(wrong) <= 1 and all(np.abs(side[k]) == np.abs(side).min() for k in wrong)
 
 
+def test_spread_boxes_stand_at_four_angles_by_their_seeds_alone(place):
+    clusters, frames = clusters_of(place.fit), frames_of(place.fit, "seed", "spread", "fixed")
+    angle = np.degrees(np.arctan2(frames.rotation[:, 1, 0], frames.rotation[:, 0, 0]))
+    for seed, found in zip(clusters.seeds, angle, strict=True):
+        assert found == pytest.approx([0, 22.5, 45, 67.5][int((seed[0] // 1 + 2 * (seed[1] // 1)) % 4)])
+    assert len(set(angle.round(3))) == 4
+    np.testing.assert_array_equal(frames.centre, clusters.seeds)  # no lattice is theirs
+    some = np.arange(len(clusters)) % 3 == 0
+    returns = cKDTree(place.fit.points[place.fit.occupied])
+    alone = Clusters(clusters.seeds[some], returns, DIAMETER_M / 2)
+    fewer = cluster_frames(alone, place.fit, DIAMETER_M, 0.1, FrameSettings("seed", "spread", "fixed"))
+    np.testing.assert_array_equal(fewer.rotation, frames.rotation[some])
+
+
 @pytest.mark.parametrize("choice", CHOICES, ids="-".join)
 @pytest.mark.parametrize("returns", [2, 30])
 def test_no_clusters_and_no_free_point_near_make_frames_too(choice, returns):

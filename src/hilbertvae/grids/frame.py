@@ -17,6 +17,11 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.clusters.clusters import Clusters
 
+SPREAD_DEG = np.array([0.0, 22.5, 45.0, 67.5])
+"""A quarter turn is one of the symmetries that networks are trained with."""
+SPREAD_M = 1.0
+"""Side of the squares whose seeds have one angle."""
+
 
 @dataclass(frozen=True)
 class Frames:
@@ -31,12 +36,14 @@ class Frames:
 
     def into(self, points: np.ndarray, frame: np.ndarray) -> np.ndarray:
         """`points (P, D)` in metres, each in the frame of number `frame (P,)`: Eq. 9."""
-        if not self.turned:
-            # One axis at a time: numpy is slow where the last axis is short.
-            scale = self.scale[frame]
-            return np.stack([(axis - centre[frame]) / scale for axis, centre in zip(points.T, self.centre.T, strict=True)], axis=1)
-        moved = points - self.centre[frame]
-        return np.einsum("pd,pde->pe", moved, self.rotation[frame]) / self.scale[frame, None]
+        # One axis at a time: numpy is slow where the last axis is short.
+        scale = self.scale[frame]
+        moved = [axis - centre[frame] for axis, centre in zip(points.T, self.centre.T, strict=True)]
+        if self.turned:
+            moved = [
+                sum(axis * turn[frame] for axis, turn in zip(moved, column.T, strict=True)) for column in np.moveaxis(self.rotation, 2, 0)
+            ]
+        return np.stack([axis / scale for axis in moved], axis=1)
 
     def back(self, points: np.ndarray, frame: np.ndarray) -> np.ndarray:
         """From the frames to the map: Eq. 13, put right."""
@@ -60,7 +67,8 @@ class FrameSettings:
     centre: str = "seed"
     """`seed`: the cluster's seed, which a gap can't move; `median`: per-axis median of its returns."""
     rotation: str = "none"
-    """`full`: eigenvectors of its returns; `yaw`: about the vertical only; `none`: axis-parallel."""
+    """`full`: eigenvectors of its returns; `yaw`: about the vertical only; `none`: axis-parallel; `spread`: about the vertical by one of
+    four angles, neighbours by different ones, so that what falls between cells in one box falls into them in the next."""
     scale: str = "fixed"
     """`fixed`: the box is the cluster's diameter; `extent`: the largest extent of its returns becomes 1."""
 
@@ -80,7 +88,7 @@ def cluster_frames(clusters: Clusters, cloud: Cloud, diameter_m: float, snap_m: 
     rotation = ROTATIONS[settings.rotation](clusters, returns, cloud, diameter_m)
     scale = SCALES[settings.scale](clusters, returns, centre, rotation, diameter_m)
     frames = Frames(centre, rotation, scale)
-    if settings.scale == "fixed" and not frames.turned:
+    if settings.scale == "fixed" and settings.rotation == "none":
         frames = Frames(np.round(centre / snap_m) * snap_m, rotation, scale)
     return frames
 
@@ -147,6 +155,16 @@ def _eigenvectors(clusters: Clusters, returns: np.ndarray, cloud: Cloud, diamete
     return rotation
 
 
+def _spread(clusters: Clusters, returns: np.ndarray, cloud: Cloud, diameter_m: float) -> np.ndarray:
+    """The place of a seed alone says which angle is its cluster's, so that no other cluster has a say."""
+    x, y = np.floor(clusters.seeds[:, :2] / SPREAD_M).astype(np.int64).T
+    angle = (x + 2 * y) % len(SPREAD_DEG)
+    cos, sin = np.cos(np.deg2rad(SPREAD_DEG))[angle], np.sin(np.deg2rad(SPREAD_DEG))[angle]
+    rotation = np.tile(np.eye(returns.shape[1]), (len(clusters), 1, 1))
+    rotation[:, 0, 0], rotation[:, 0, 1], rotation[:, 1, 0], rotation[:, 1, 1] = cos, -sin, sin, cos
+    return rotation
+
+
 def _fixed(clusters: Clusters, returns: np.ndarray, centre: np.ndarray, rotation: np.ndarray, diameter_m: float) -> np.ndarray:
     return np.full(len(clusters), float(diameter_m))
 
@@ -161,5 +179,5 @@ def _extent(clusters: Clusters, returns: np.ndarray, centre: np.ndarray, rotatio
 
 
 CENTRES = {"seed": _seed, "median": _median}
-ROTATIONS = {"full": _full, "yaw": _yaw, "none": _unturned}
+ROTATIONS = {"full": _full, "yaw": _yaw, "none": _unturned, "spread": _spread}
 SCALES = {"fixed": _fixed, "extent": _extent}

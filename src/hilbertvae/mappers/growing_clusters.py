@@ -22,7 +22,9 @@ from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_array import GrowingArray
 from hilbertvae.reconstruction.reconstructor import Completion
 
-FROM_SEEDS = FrameSettings(centre="seed", rotation="none", scale="fixed")
+ON_VOXELS = FrameSettings(centre="seed", rotation="none", scale="fixed")
+"""Frames whose boxes lie on the lattice."""
+FROM_SEEDS = (ON_VOXELS, FrameSettings(centre="seed", rotation="spread", scale="fixed"))
 """Frames that no point of the cloud moves."""
 
 
@@ -90,7 +92,7 @@ class GrowingClusters:
         if len(returns):
             self._draw_seeds(returns)
             self._promote(returns)
-        moved = touched[:0] if self.grid.frame == FROM_SEEDS else touched
+        moved = touched[:0] if self.grid.frame in FROM_SEEDS else touched
         self._find_frames(np.append(moved, np.arange(count, len(self.seeds))))
 
     def settle(self, complete: Callable[[np.ndarray], Completion], wanted: np.ndarray | None = None) -> None:
@@ -110,7 +112,7 @@ class GrowingClusters:
         if not len(chosen):
             return
         seeds, radius_m = self.seeds[chosen], self.grid.cluster_diameter_m / 2
-        around = seeds[:0] if self.grid.frame == FROM_SEEDS else seeds
+        around = seeds[:0] if self.grid.frame in FROM_SEEDS else seeds
         cloud = self.evidence.cloud(around - radius_m, around + radius_m)
         frames = frames_of(Clusters(seeds, search_tree(cloud.points[cloud.occupied]), radius_m), cloud, self.grid)
         self._centre.rows[chosen], self._rotation.rows[chosen], self._scale.rows[chosen] = frames.centre, frames.rotation, frames.scale
@@ -118,7 +120,7 @@ class GrowingClusters:
     def _cell_is_voxel(self) -> bool:
         """Whether each cell of a grid is one voxel of the evidence: then a grid changes where a voxel's label does, and nowhere else."""
         grid = self.grid
-        return grid.frame == FROM_SEEDS and grid.cells % 2 == 0 and bool(np.isclose(grid.cell_m, self.evidence.resolution_m, rtol=1e-9))
+        return grid.frame == ON_VOXELS and grid.cells % 2 == 0 and bool(np.isclose(grid.cell_m, self.evidence.resolution_m, rtol=1e-9))
 
     def _label(self, hits: np.ndarray, frees: np.ndarray) -> np.ndarray:
         return vote(hits.astype(np.float32), frees.astype(np.float32), self.grid.occupied_share)
@@ -139,7 +141,7 @@ class GrowingClusters:
         slack = 0.25 * resolution_m if self._cell_is_voxel() else -resolution_m
         lowest, highest = lowest * resolution_m + slack, (highest + 1) * resolution_m - slack
         low, high = self.frames.boxes()
-        if self.grid.frame != FROM_SEEDS:
+        if self.grid.frame not in FROM_SEEDS:
             radius_m = self.grid.cluster_diameter_m / 2
             low, high = np.minimum(low, self.seeds - radius_m), np.maximum(high, self.seeds + radius_m)
         side_m = bricks.side * resolution_m

@@ -50,7 +50,8 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         f"sha256 `{file_sha256(weights)}`. Grids of {network.grid.cells}^{network.dimension} cells of {network.grid.cell_m:g} m.",
         "## Trained",
         *_trained(card),
-        f"The Hilbert Map's weights were learned on {card['validated_on']}, over {card['flips']} flip{'s' if card['flips'] > 1 else ''}.",
+        f"The Hilbert Map's weights were learned on {card['validated_on']}, over {card['flips']} flip{'s' if card['flips'] > 1 else ''}"
+        + (f", in frames turned as `{turned}`." if (turned := network.grid.frame.rotation) != "none" else "."),
         "## Scores",
         *([_scores([read_result(path)[0] for path in results]), _made(results)] if results else ["Not scored yet."]),
         "## Limits",
