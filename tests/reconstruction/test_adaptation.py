@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -56,6 +58,8 @@ def test_what_nobody_saw_is_answered_as_before(room, monkeypatch):
     """Cells that even the uncut site does not know move less with the term that holds them than without it."""
     monkeypatch.setattr(adaptation, "LEARNING_RATE", 5e-3)
     before, pairs = tiny_reconstructor(), pairs_of(room, 1)
+    # As much as a cell's label, so that rounding, of bfloat16 where there is such, does not decide.
+    before = replace(before, likelihood=replace(before.likelihood, known_weight=1.0))
 
     def moved():
         after = adapted(before, *pairs, steps=40, seed=0)
@@ -68,7 +72,7 @@ def test_what_nobody_saw_is_answered_as_before(room, monkeypatch):
     monkeypatch.setattr(adaptation, "_kept", lambda found, said, unknown, known_weight: 0.0)
     free = moved()
     assert held[0] < 0.85 * free[0]
-    assert held[1] < free[1]
+    assert held[1] < 0.95 * free[1]
 
 
 def test_divergence_is_that_of_two_coins():
