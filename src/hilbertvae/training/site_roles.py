@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
+
 from hilbertvae.checks import InputError
 from hilbertvae.files import path_sha256
 from hilbertvae.scans.formats import is_scan_path
@@ -13,6 +15,8 @@ from hilbertvae.site import SIMULATED, site_name
 
 MANY = re.compile(r"(\d+) simulated \w+")
 """How a network's card says that it was trained on simulated sites 0, 1, ..."""
+LARGEST_BYTES = 500_000_000
+"""No site of the catalogue is as large, and to read what is would take long."""
 
 
 def check_roles(train: list[str], validate: str, test: list[str]) -> None:
@@ -48,12 +52,13 @@ def check_unseen(sites: list[str], card: dict, key: str, network: str) -> None:
 
 def place(reference: str) -> str:
     """One word for all spellings of a site: a simulated one's plain number, and the catalogue's name also for a copy of its files."""
-    if reference.startswith(SIMULATED) and reference.removeprefix(SIMULATED).isdigit():
-        return f"{SIMULATED}{int(reference.removeprefix(SIMULATED))}"
+    if np.isfinite(number := _number(reference)):
+        return f"{SIMULATED}{number:.0f}"
     if not is_scan_path(reference):
         return reference
     path = Path(reference).resolve()
-    if not path.exists():
+    files = [file for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file()]
+    if not 0 < sum(file.stat().st_size for file in files) < LARGEST_BYTES:
         return str(path)
     found = path_sha256(path)
     return next((entry.name for entry in CATALOGUE.values() if entry.sha256 == found), str(path))
@@ -61,4 +66,5 @@ def place(reference: str) -> str:
 
 def _number(reference: str) -> float:
     """The seed of a simulated site, infinite for any other."""
-    return int(reference.removeprefix(SIMULATED)) if reference.startswith(SIMULATED) else float("inf")
+    number = reference.removeprefix(SIMULATED)
+    return int(number) if number != reference and number.isdigit() else np.inf
