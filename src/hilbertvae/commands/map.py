@@ -17,8 +17,10 @@ from hilbertvae.commands.keywords import run_command
 from hilbertvae.mapping import SUMMARY, MapSettings, make_map
 from hilbertvae.scans.formats import ReadingSettings
 
-ABOUT = "Map the scans at a path and fill in what the sensor could not see. Nothing but scans= is needed."
-
+ABOUT = (
+    "Map the scans at a path and fill in what the sensor could not see. Nothing but scans= is needed, unless a cloud alone\n"
+    "does not say where its beams started: then sensor_origin_m=, too."
+)
 
 GROUPED = rf"\breading\.({'|'.join(part.name for part in fields(ReadingSettings))})\b"
 
