@@ -64,7 +64,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
 
 def _trained(card: dict) -> list[str]:
     said = []
-    for number, stage in enumerate(_stages(card)):
+    for number, stage in enumerate(stages(card)):
         command = f", by `{' '.join(stage['command'])}`" if "command" in stage else ""
         commit = f" at commit {stage['git']['commit'][:7]}" if stage.get("git") else ""
         said.append(
@@ -74,10 +74,10 @@ def _trained(card: dict) -> list[str]:
     return ["\n".join(said)]
 
 
-def _stages(card: dict) -> list[dict]:
+def stages(card: dict) -> list[dict]:
     """What the network was trained on, first things first."""
     before = card.get("started_from")
-    return [*(_stages(before) if before else []), card]
+    return [*(stages(before) if before else []), card]
 
 
 def _scores(results: list[Result]) -> str:
@@ -108,7 +108,7 @@ def _made(results: list[Path]) -> str:
 
 
 def _terms(card: dict) -> str:
-    sites = sorted({site for stage in _stages(card) for site in (*stage["trained_on"], stage["validated_on"]) if " " not in site})
+    sites = sorted({site for stage in stages(card) for site in (*stage["trained_on"], stage["validated_on"]) if " " not in site})
     real = [site for site in sites if not site.startswith("simulated")]
     if not real:
         return "Trained and chosen on simulated sites alone: nobody's scans are in it. MIT, as the package."

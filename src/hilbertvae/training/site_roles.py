@@ -9,6 +9,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import path_sha256
+from hilbertvae.reports.card import stages
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.site import SIMULATED, site_name
@@ -38,13 +39,10 @@ def check_unseen(sites: list[str], card: dict, key: str, network: str) -> None:
     network: which one, for the message. The site that it was validated on may be asked: that is where choices are made."""
     trained: set[str] = set()
     simulated = 0
-    stage: dict | None = card
-    while stage:
-        for site in stage.get("trained_on", []):
-            several = MANY.fullmatch(site)
-            simulated = max(simulated, int(several[1])) if several else simulated
-            trained.add(place(site))
-        stage = stage.get("started_from")
+    for site in (site for stage in stages(card) for site in stage.get("trained_on", [])):
+        several = MANY.fullmatch(site)
+        simulated = max(simulated, int(several[1])) if several else simulated
+        trained.add(place(site))
     known = [site for site in sites if (at := place(site)) in trained or _number(at) < simulated]
     if known:
         raise InputError(f"{key}: {', '.join(known)} is among what {network} was trained on")
