@@ -86,6 +86,16 @@ def test_a_network_of_another_shape_is_no_start(tmp_path):
         module_of().start_from(str(path))
 
 
+def test_a_network_with_half_the_stem_goes_on_from_one_that_was_trained(tmp_path, logged):
+    path = tiny_reconstructor(stem=4, channels=[8, 12], blocks=[1, 1], latent=3).save(tmp_path / "model.safetensors")
+    settings = tiny_settings("run", "cache")
+    module = module_of(network=replace(settings.network, stem=2, channels=[9, 8, 12], blocks=[1, 1, 1], latent=3))
+    module.start_from(str(path))
+    shown, _ = pairs()
+    network = Reconstructor.load(path).network.eval()
+    torch.testing.assert_close(module.network.eval()._down(shown)[0], network._down(shown)[0], rtol=1e-4, atol=1e-5)
+
+
 def test_a_step_draws_from_seed_and_step_alone(logged):
     losses = []
     for seed, step, noise in ((0, 3, 11), (0, 3, 99), (0, 4, 11), (1, 3, 11)):

@@ -15,6 +15,7 @@ from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.augmentation import augment
 from hilbertvae.reconstruction.blocks import HIT_FREE_CHANNELS, is_detailed
 from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
+from hilbertvae.reconstruction.finer_stem import finer_weights, is_finer
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, active_dimensions, free_bits, kl_divergence, kl_weight, known_nll
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -36,9 +37,13 @@ class ReconstructionModule(L.LightningModule):
     def start_from(self, checkpoint: str) -> None:
         """Take the weights of a trained network. An `InputError` names the file if its network is another.
 
-        One that was shown labels alone goes on with what else a `detailed` encoding shows at no weight, and so as it was.
+        One that was shown labels alone goes on with what else a `detailed` encoding shows at no weight, and so as it was; one with twice
+        the stem becomes the inner levels of this one (`finer_stem.py`).
         """
-        found = Reconstructor.load(checkpoint).network.state_dict()
+        trained = Reconstructor.load(checkpoint)
+        found = trained.network.state_dict()
+        if is_finer(self.settings.network, trained.network_settings):
+            found = finer_weights(found, self.network)
         own = self.network.state_dict()
         stem, wanted = found.get("stem.weight"), own.get("stem.weight")
         if stem is not None and wanted is not None and is_detailed(self.settings.network) and stem.shape[1] == HIT_FREE_CHANNELS:
