@@ -30,6 +30,7 @@ from hilbertvae.mappers.weights import check_calibration
 from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
+from hilbertvae.scans.kitti import VELODYNE
 from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_blocks import SIDE
 
@@ -88,8 +89,9 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     name = Path(settings.scans).resolve().name
     output = Path(settings.output or Path("outputs/maps") / name)
     name = name.encode("utf-8", "replace").decode()  # a name of another encoding can't be drawn or written
-    if output.resolve() == Path(settings.scans).resolve():
+    if output.resolve() in (Path(settings.scans).resolve(), (Path(settings.scans) / VELODYNE).resolve()):
         raise InputError(f"output: {output} is the folder that is read, where a map would lie among the scans; choose another")
+    _check_writable(output)
     clock = Clock(say)
     clock.start("read")
     source = _read(settings)
@@ -108,7 +110,10 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
 
     with _beside(output) as folder:
         clock.start("label points")
-        cloud = source.cloud(fine_m) if isinstance(source, GivenMap) else fit_cloud(source, fine_m)
+        try:
+            cloud = source.cloud(fine_m) if isinstance(source, GivenMap) else fit_cloud(source, fine_m)
+        except InputError as error:
+            raise InputError(f"{settings.scans}: {error}") from error
         points = point_counts(cloud, source if isinstance(source, Scans) else None)
         dimension = source.dimension
         if cloud.occupied.all() or not cloud.occupied.any():
@@ -150,6 +155,15 @@ def _listed(output: Path) -> set[str]:
         return ours & set(json.loads((output / SUMMARY).read_text(encoding="utf-8"))["files"])
     except (OSError, ValueError, KeyError, TypeError):
         return set()
+
+
+def _check_writable(output: Path) -> None:
+    """An `InputError` where no folder can be made or written, before anything is read."""
+    there = next(folder for folder in (output, *output.resolve().parents) if folder.exists())
+    if not there.is_dir():
+        raise InputError(f"output: expected a folder, {there} is a file")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"output: {there} can't be written")
 
 
 def _check_output(output: Path, scans: Path, exports: list[str]) -> None:

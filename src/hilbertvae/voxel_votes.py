@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,6 +12,12 @@ from hilbertvae.checks import InputError, check_positive
 from hilbertvae.scans.scan import Scans
 
 SAMPLES_AT_ONCE = 1_000_000
+MOST_ALONG = {2: 2**34, 3: 2**22}
+"""Voxels along an axis: as many as a map's bricks tell apart (`mappers/voxel_bricks.py`)."""
+MOST_SAMPLES = 1e8
+"""Of one beam, whose samples lie in memory at once."""
+BYTES_A_VOXEL = 1000
+"""What a voxel seen takes at the least, at the worst moment on its way into a map."""
 
 
 def voxel_index(points: np.ndarray, resolution_m: float) -> np.ndarray:
@@ -60,8 +67,11 @@ def voxel_votes(scans: Scans, resolution_m: float) -> VoxelVotes:
     high = np.maximum(scans.points.max(axis=0), scans.origins.max(axis=0))
     first = voxel_index(low, resolution_m)
     shape = voxel_index(high, resolution_m) - first + 1
-    if np.prod(shape.astype(float)) > 2**62:
-        raise InputError(f"scans: extent {(high - low).tolist()} m is too large for voxels of {resolution_m} m")
+    if np.prod(shape.astype(float)) > 2**62 or shape.max() > MOST_ALONG[scans.dimension]:
+        raise InputError(f"scans: extent {(high - low).tolist()} m is too large for voxels of {resolution_m} m; is there an outlier?")
+    longest = float(np.sqrt(np.square(scans.points - scans.origins).sum(axis=1).max()))
+    if longest / resolution_m > MOST_SAMPLES:
+        raise InputError(f"scans: a beam of {longest:.6g} m is too long for voxels of {resolution_m} m; is there an outlier?")
 
     def gathered(samples: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         key = np.zeros(len(samples[0]), np.int64)
@@ -78,6 +88,7 @@ def voxel_votes(scans: Scans, resolution_m: float) -> VoxelVotes:
         if held > SAMPLES_AT_ONCE + len(free_keys):  # seldom, since each time all voxels are sorted again
             free_keys, free_sums = _merged([(free_keys, free_sums), *waiting])
             waiting, held = [], 0
+            _check_memory(len(free_keys), resolution_m)
     free_keys, free_sums = _merged([(free_keys, free_sums), *waiting])
 
     keys = np.sort(np.concatenate([hit_keys, free_keys]))  # np.union1d hashes, which takes ten times as long
@@ -90,6 +101,16 @@ def voxel_votes(scans: Scans, resolution_m: float) -> VoxelVotes:
         counts.append(every[0])
         means.append(_means(every[0], every[1:].T, low, index, resolution_m))
     return VoxelVotes(index, *counts, *means, resolution_m)
+
+
+def _check_memory(voxels: int, resolution_m: float) -> None:
+    """An `InputError` where so many voxels are more than this machine can hold, before the system ends the process without a word."""
+    needed, there = voxels * BYTES_A_VOXEL, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed > there:
+        raise InputError(
+            f"resolution_m: beams pass more than {voxels} voxels of {resolution_m} m, which take more than the {there / 2**30:.0f} GiB of "
+            "memory that there are; expected larger ones"
+        )
 
 
 def _summed(key: np.ndarray, columns: list[np.ndarray], count: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:

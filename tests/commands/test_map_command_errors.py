@@ -58,6 +58,8 @@ def test_3d_scans_without_poses_name_the_way_out(box, tmp_path, capsys):
         (["scans=room.npz", "calibration=pixels"], "calibration: expected voxels or points, got 'pixels'"),
         (["scans=room.npz", "every=often"], "every: expected int"),
         (["scans=room.yaml", "max_range_m=3"], "max_range_m: room.yaml is a map"),
+        (["scans=room.npz", "weights=4d"], "4d: no such checkpoint; expected a model.safetensors, or one of 2d, 3d"),
+        (["scans=room.npz", "max_range_m=-3"], "hilbertvae-map: max_range_m: expected more than min_range_m"),
     ],
 )
 def test_what_is_wrong_is_said_and_leaves_nothing(words, said, room, tmp_path, monkeypatch, capsys):
@@ -74,7 +76,22 @@ def test_a_folder_that_can_not_be_written(room, tmp_path, capsys):
     npz_of(room, tmp_path / "room.npz")
     (tmp_path / "out").write_text("mine")
     assert map_command.main([f"scans={tmp_path / 'room.npz'}", f"output={tmp_path / 'out'}"]) == 2
-    assert "out" in capsys.readouterr().err and (tmp_path / "out").read_text() == "mine"
+    said = capsys.readouterr().err
+    assert "output: expected a folder" in said and "out is a file" in said and (tmp_path / "out").read_text() == "mine"
+
+
+def test_a_folder_that_may_not_be_written_is_found_before_anything_is_read(tmp_path, monkeypatch, capsys):
+    """By what the system says, since root may write anywhere."""
+    monkeypatch.setattr("os.access", lambda *_: False)
+    assert map_command.main([f"scans={tmp_path / 'nowhere.npz'}", f"output={tmp_path / 'a' / 'b'}"]) == 2
+    assert f"output: {tmp_path} can't be written" in capsys.readouterr().err and not (tmp_path / "a").exists()
+
+
+def test_no_map_is_written_among_the_scans_of_a_drive(tmp_path, capsys):
+    (tmp_path / "drive" / "velodyne").mkdir(parents=True)
+    for output in ("drive", "drive/velodyne"):
+        assert map_command.main([f"scans={tmp_path / 'drive'}", f"output={tmp_path / output}"]) == 2
+        assert "is the folder that is read" in capsys.readouterr().err
 
 
 def test_a_full_disk_leaves_what_was_there(room, tmp_path, monkeypatch, capsys):

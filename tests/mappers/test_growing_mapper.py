@@ -214,6 +214,17 @@ def test_the_first_scan_may_have_one_class():
         HilbertMap().partial_fit(wall, np.ones(60, int))
 
 
+def test_classes_are_taken_as_scikit_learn_has_them():
+    wall = np.column_stack([np.linspace(0, 2, 60), np.zeros(60)])
+    mapper = HilbertMap(weights="unit", grid=tiny_grid()).partial_fit(wall, np.full(60, 2), classes=[1, 2])
+    mapper.partial_fit(wall + [0, 1], np.full(60, 1), classes=[2, 1])
+    assert mapper.classes_.tolist() == [1, 2] and mapper.predict(wall).tolist() == [2] * 60
+    with pytest.raises(InputError, match=r"classes: expected \[1, 2\], as before, got \[0, 1\]"):
+        mapper.partial_fit(wall, np.full(60, 1), classes=[0, 1])
+    with pytest.raises(InputError, match=r"y: expected labels \[0, 1\], as before, got \[2\]"):
+        HilbertMap().partial_fit(wall, np.full(60, 2), classes=[0, 1])
+
+
 def test_labels_of_any_kind_stay_what_they_are(room):
     parts = clouds(room)
     signed, plain = HilbertMap(grid=tiny_grid()), HilbertMap(grid=tiny_grid())

@@ -95,6 +95,10 @@ def test_no_grids():
     assert tiny_reconstructor().reconstruct(np.empty((0, 16, 16), np.int8)).shape == (0, 16, 16)
 
 
+def test_what_it_is_fits_in_a_line():
+    assert repr(tiny_reconstructor()) == "Reconstructor(gated, 2D, 16 cells of 0.1 m)"
+
+
 def test_a_missing_checkpoint(tmp_path):
     with pytest.raises(InputError, match="nowhere.safetensors: no such checkpoint"):
         Reconstructor.load(tmp_path / "nowhere.safetensors")

@@ -141,7 +141,17 @@ def test_the_origin_is_the_files_or_the_users_and_never_made_up(tmp_path):
     scans = read_point_file(path, sensor_origin_m=[1, 2, 3])
     np.testing.assert_array_equal(scans.origins, np.broadcast_to([1, 2, 3], POINTS.shape))
     path = write_pcd(tmp_path / "a.pcd", viewpoint=(4.0, 5.0, 6.0, 1.0, 0.0, 0.0, 0.0))
-    np.testing.assert_array_equal(np.unique(read_point_file(path, sensor_origin_m=[1, 2, 3]).origins, axis=0), [[4, 5, 6]])
+    with pytest.warns(UserWarning, match="a.pcd: says itself where its beams started; reading.sensor_origin_m is not used"):
+        found = read_point_file(path, sensor_origin_m=[1, 2, 3])
+    np.testing.assert_array_equal(np.unique(found.origins, axis=0), [[4, 5, 6]])
+    with pytest.raises(InputError, match="reading.sensor_origin_m: expected 3 numbers"):
+        read_point_file(path, sensor_origin_m=[1, 2])
+
+
+def test_an_empty_pcd_says_so(tmp_path):
+    (tmp_path / "a.pcd").write_bytes(b"")
+    with pytest.raises(InputError, match="a.pcd: expected a PCD file's header, found nothing"):
+        read_point_file(tmp_path / "a.pcd", sensor_origin_m=[0, 0, 0])
 
 
 @pytest.mark.parametrize("origin", [[0, 0], [0, 0, np.nan], "abc", 5, [1, 2, "x"]])

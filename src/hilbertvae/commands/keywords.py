@@ -5,8 +5,13 @@ from __future__ import annotations
 import ast
 import dataclasses
 import inspect
+import os
+import signal
 import sys
 import textwrap
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
 from omegaconf import OmegaConf
@@ -79,6 +84,23 @@ def _documents(kind: type) -> dict[str, str]:
     return found
 
 
+@contextmanager
+def stopped_by_sigterm() -> Iterator[None]:
+    """SIGTERM, which `timeout`, SLURM and containers send, ends what runs as Ctrl-C does: what was half-written is taken away."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(number, frame):
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def run_command(command: str, kind: type[T], about: str, run, words: list[str] | None) -> int:
     """Parse `words` (those of the command line unless given), call `run(settings)`, and give the exit code: 2 for bad input."""
     words = sys.argv[1:] if words is None else words
@@ -86,10 +108,14 @@ def run_command(command: str, kind: type[T], about: str, run, words: list[str] |
         print(keyword_help(command, kind, about))
         return 0 if words else 2
     try:
-        run(settings_of(kind, words))
+        with stopped_by_sigterm():
+            run(settings_of(kind, words))
     except KeyboardInterrupt:
         print(f"{command}: stopped", file=sys.stderr)
         return 130
+    except BrokenPipeError:  # a reader such as `head` has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     except (InputError, OSError) as error:
         print(f"{command}: {error}", file=sys.stderr)
         return 2

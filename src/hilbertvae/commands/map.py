@@ -33,7 +33,7 @@ def _alone(text: str) -> str:
 def run(settings: MapSettings) -> None:
     """Make the map, say what it came out as."""
     console = Console(stderr=True)
-    warnings.showwarning = lambda message, *rest, **named: console.print(Text(_alone(str(message)), "yellow"))
+    warnings.showwarning = lambda message, *rest, **named: console.print(Text(_alone(str(message)), "yellow"), soft_wrap=True)
     try:
         with console.status("start") as status:
             output = make_map(settings, lambda stage: status.update(Text(f"{settings.scans}: {stage}")))

@@ -156,6 +156,8 @@ def _application(config: DictConfig) -> None:
 def main() -> None:
     """Entry point. `+sweep=...` is taken as `sweep=...`: the group has its place in the defaults, so that `debug` comes after it."""
     words = [word.removeprefix("+") if word.startswith("+sweep=") else word for word in sys.argv[1:]]
+    if any(word.startswith("sweep=") for word in words) and not {"-m", "--multirun", "-c", "--cfg", "-h", "--help"} & set(words):
+        print("hilbertvae-train: a sweep without -m is its first job alone; add -m for all of them", file=sys.stderr)
     if JOB in os.environ and int(os.environ.get("LOCAL_RANK", 0)):
         words = json.loads(os.environ[JOB]) + [word for word in words if word.startswith(("hydra.job.name=", "hydra.output_subdir="))]
     sys.argv[1:] = words

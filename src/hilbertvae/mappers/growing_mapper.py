@@ -19,7 +19,7 @@ class GrowingMapper(CompletingMapper):
 
     _growing: GrowingClusters | None = None
 
-    def partial_fit(self, points, occupied, sample_weight=None, reconstruct=True):
+    def partial_fit(self, points, occupied, sample_weight=None, reconstruct=True, classes=None):
         """Add a scan to the map, or begin one, and reconstruct the clusters that it touches. Arguments as of `fit`; one class is enough.
 
         Give each scan as `cloud_from_scans` makes it: a voxel's points count as one at their mean, so that scans add up to the `fit` cloud
@@ -27,7 +27,8 @@ class GrowingMapper(CompletingMapper):
         seed becomes a seed, whatever `grid.start` says.
 
         With `reconstruct=False` queries reconstruct what they need of it: the boxes that answer them, for all scans since. No other thread
-        may ask meanwhile, here or there. Raises `InputError` as `fit` does, for labels that the map does not know, and with
+        may ask meanwhile, here or there. `classes`, the two labels that there are, free first, as scikit-learn has it, are for a first scan
+        with one label alone; False and True need none. Raises `InputError` as `fit` does, for labels that the map does not know, and with
         `weights="cluster"`, which are fitted on a whole site.
         """
         if self.weights == "cluster":
@@ -40,9 +41,12 @@ class GrowingMapper(CompletingMapper):
         points, occupied, weight = self._checked_cloud(points, occupied, sample_weight, first)
         self._check_network(points.shape[1])  # a loaded map's is looked for now, before anything is altered
         if first:
-            cloud = Cloud(points, self._learn_labels(occupied, both=False), weight)
+            occupied = self._learn_labels(occupied, both=False) if classes is None else self._named_labels(occupied, classes)
+            cloud = Cloud(points, occupied, weight)
             self._start_without_clusters(cloud.select(slice(0)))
         else:
+            if classes is not None and not np.array_equal(np.unique(classes), self.classes_):
+                raise InputError(f"classes: expected {self.classes_.tolist()}, as before, got {np.unique(classes).tolist()}")
             cloud = Cloud(points, self._known_labels(occupied), weight)
         if self._growing is None:
             completed = Completion(self.grids_, self.known_)

@@ -44,6 +44,12 @@ def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.nda
     return answers
 
 
+def _plain(error: ValueError) -> str:
+    """What scikit-learn says of arrays, but of NaN and inf the first line alone: the others advise other estimators."""
+    first = str(error).partition("\n")[0]
+    return first if "contains" in first else str(error)
+
+
 def _by_place(queries: np.ndarray) -> np.ndarray:
     """(Q,) an order of the queries, cell by cell of a lattice of 256 x 256 cells over their first two axes."""
     plane = queries[:, :2]
@@ -125,6 +131,11 @@ class Mapper(ClassifierMixin, BaseEstimator):
             raise InputError(f"y: expected labels {self.classes_.tolist()}, as before, got {strange[:4].tolist()}")
         return y == self.classes_[1]
 
+    def _named_labels(self, y: np.ndarray, classes) -> np.ndarray:
+        """`_learn_labels` of `y (N,)` where the two labels that there are, `classes`, are given; an `InputError` for others."""
+        self._learn_labels(np.asarray(classes), both=True)
+        return self._known_labels(y)
+
     def predict_proba(self, queries) -> np.ndarray:
         """(Q, 2) float64: the probabilities of free and of occupied at `queries (Q, D)`, each answered alone."""
         check_is_fitted(self)
@@ -156,7 +167,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
             check_classification_targets(y)
             weight = _check_sample_weight(sample_weight, points, dtype=np.float64, ensure_non_negative=True)
         except ValueError as error:
-            raise InputError(f"points, y, sample_weight: {error}") from error
+            raise InputError(f"points, y, sample_weight: {_plain(error)}") from error
         counts = weight > 0
         if not counts.any():
             raise InputError("sample_weight: expected positive weights, got zeros only")
@@ -166,7 +177,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
         try:
             return validate_data(self, queries, reset=False, dtype=np.float64, ensure_min_samples=0)
         except ValueError as error:
-            raise InputError(f"queries: {error}") from error
+            raise InputError(f"queries: {_plain(error)}") from error
 
     def _fit(self, points: np.ndarray, occupied: np.ndarray, weight: np.ndarray) -> None:
         """Fit on checked arrays: (N, D) float64, (N,) bool, (N,) float64. Sets attributes that end in `_`."""

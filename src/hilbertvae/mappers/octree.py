@@ -95,7 +95,7 @@ def leaves_of_values(stream: bytes) -> tuple[Leaves, int]:
     Raises `InputError` for a stream that is no tree of 16 levels, and for values that are not finite.
     """
     if len(stream) % _NODE.itemsize:
-        raise InputError(f"expected whole nodes of {_NODE.itemsize} bytes, got {len(stream)} bytes")
+        raise InputError(f"expected whole nodes of {_NODE.itemsize} bytes, got {len(stream)} bytes; is it cut off?")
     nodes = np.frombuffer(stream, _NODE)
     if not np.isfinite(nodes["log_odds"]).all():
         raise InputError("expected finite log-odds, got NaN or inf")
@@ -110,7 +110,7 @@ def leaves_of_labels(stream: bytes, free: float, occupied: float) -> tuple[Leave
     free, occupied: the log-odds that leaves get. Raises `InputError` for a stream that is no tree of 16 levels.
     """
     if len(stream) % 2:
-        raise InputError(f"expected whole nodes of 2 bytes, got {len(stream)} bytes")
+        raise InputError(f"expected whole nodes of 2 bytes, got {len(stream)} bytes; is it cut off?")
     kind = np.frombuffer(stream, "<u2")[:, None] >> 2 * np.arange(8, dtype=np.uint16) & 3
     if not kind.any(axis=1).all():
         raise InputError("expected children of each inner node, got one without any")
@@ -130,7 +130,9 @@ def _places(children: np.ndarray, deepest: int) -> tuple[np.ndarray, np.ndarray]
     # Nodes that still have to come before each node, but for itself: 0 at the root, -1 behind the last.
     waiting = np.concatenate([[0], np.cumsum(np.bitwise_count(children).astype(np.int64) - 1)])
     if waiting[-1] >= 0 or (waiting[:-1] < 0).any():
-        raise InputError(f"expected one whole tree, got {count} nodes that are {'too few' if waiting[-1] >= 0 else 'too many'}")
+        raise InputError(
+            f"expected one whole tree, got {count} nodes that are {'too few: is it cut off?' if waiting[-1] >= 0 else 'too many'}"
+        )
     if waiting.max() > _MOST_OPEN:
         raise InputError(f"expected at most {DEPTH} levels, got more")
     # A node's branch ends at the first later place with one node less to come. Both lists ascend, so bisection is quick.

@@ -25,7 +25,7 @@ from hilbertvae.reconstruction.likelihood import LIKELIHOODS, LikelihoodSettings
 from hilbertvae.reconstruction.networks import NetworkSettings, build_network, network_settings
 from hilbertvae.reconstruction.packed_weights import pack, unpack
 from hilbertvae.reconstruction.precision import fast_autocast
-from hilbertvae.reconstruction.shipped import checkpoint_path
+from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
 from hilbertvae.reconstruction.symmetry import apply, apply_channels, symmetries, undo
 
 FORMAT = "hilbertvae-reconstructor-1"
@@ -40,7 +40,7 @@ class Completion:
     known: np.ndarray | None
 
 
-@dataclass
+@dataclass(repr=False)
 class Reconstructor:
     """A network, the likelihood it was trained with, and the grids it was trained on.
 
@@ -57,6 +57,10 @@ class Reconstructor:
     weights: dict = field(default_factory=dict)
     card: dict = field(default_factory=dict)
     seconds: dict = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """In a line, since every mapper's own `repr` has it."""
+        return f"Reconstructor({self.network_settings.kind}, {self.dimension}D, {self.grid.cells} cells of {self.grid.cell_m:g} m)"
 
     @property
     def detailed(self) -> bool:
@@ -143,7 +147,7 @@ class Reconstructor:
         """The reconstructor saved at `path`, or shipped under that name; an `InputError` for a missing, damaged or foreign file."""
         path = checkpoint_path(path)
         if not path.is_file():
-            raise InputError(f"{path}: no such checkpoint")
+            raise InputError(f"{path}: no such checkpoint; expected a model.safetensors, or one of {', '.join(SHIPPED)}")
         try:
             with safe_open(path, framework="pt") as file:
                 metadata = file.metadata() or {}

@@ -71,7 +71,7 @@ def check_expansion(path: Path, what: str, unpacked: int, packed: int) -> None:
 def check_reading(min_range_m: float, max_range_m: float, every: int) -> None:
     """An `InputError` unless 0 <= min_range_m < max_range_m and `every` is a whole number from 1."""
     if not 0 <= min_range_m < max_range_m:
-        raise InputError(f"reading: expected 0 <= min_range_m < max_range_m, got {min_range_m} and {max_range_m}")
+        raise InputError(f"reading.max_range_m: expected more than min_range_m, which is 0 or more, got {max_range_m} and {min_range_m}")
     if int(every) != every or every < 1:
         raise InputError(f"reading.every: expected a whole number from 1, got {every}")
 

@@ -32,6 +32,8 @@ def read_pcd(path: str | os.PathLike) -> FilePoints:
     with reading(path, "a PCD file"):
         with open(path, "rb") as file:
             lines = _header_lines(file)
+            if not lines:
+                raise InputError(f"{path}: expected a PCD file's header, found nothing")
             mended, start = _as_new(lines), file.tell()
             header = pypcd4.MetaData.parse_header(mended)
             names = _check(path, file, header)

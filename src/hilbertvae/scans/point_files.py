@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -91,10 +92,10 @@ def read_point_file(
 
 
 def _origin(path, found: FilePoints, sensor_origin_m: Sequence[float] | None) -> np.ndarray:
-    if found.origins is not None:
-        return found.origins
     dimension = found.points.shape[1]
     if sensor_origin_m is None:
+        if found.origins is not None:
+            return found.origins
         raise InputError(
             f"{path}: says not where its beams started; set reading.sensor_origin_m to {dimension} numbers in metres, in the file's frame "
             f"({[0] * dimension} for a cloud in its sensor's frame)"
@@ -105,6 +106,9 @@ def _origin(path, found: FilePoints, sensor_origin_m: Sequence[float] | None) ->
         origin = np.empty(0)
     if origin.shape != (dimension,) or not np.isfinite(origin).all():
         raise InputError(f"reading.sensor_origin_m: expected {dimension} numbers in metres for {path}, got {sensor_origin_m!r}")
+    if found.origins is not None:
+        warnings.warn(f"{path}: says itself where its beams started; reading.sensor_origin_m is not used", stacklevel=3)
+        return found.origins
     return origin
 
 

@@ -1,0 +1,35 @@
+import os
+
+import numpy as np
+import pytest
+
+from hilbertvae.checks import InputError
+from hilbertvae.mappers.voxel_bricks import BITS, KEY_BITS
+from hilbertvae.scans.scan import Scans
+from hilbertvae.voxel_votes import MOST_ALONG, voxel_votes
+
+
+def test_an_outlier_is_named_before_its_beam_is_sampled():
+    """At 0.2 m a beam of 1e6 m has five million samples, and bricks tell fewer voxels apart along an axis."""
+    points, origins = np.array([[1.0, 0, 0], [1e6, 0, 0]]), np.zeros((2, 3))
+    with pytest.raises(InputError, match="extent .*too large for voxels of 0.2 m; is there an outlier"):
+        voxel_votes(Scans(points, origins, np.zeros(2, np.int32), np.arange(2, dtype=np.int32)), 0.2)
+    flat = Scans(points[:, :2] * 100, origins[:, :2], np.zeros(2, np.int32), np.arange(2, dtype=np.int32))
+    with pytest.raises(InputError, match=r"a beam of 1e\+08 m is too long for voxels of 0.5 m"):
+        voxel_votes(flat, 0.5)
+
+
+def test_a_map_can_tell_apart_as_many_voxels_as_votes_are_made_of():
+    for dimension, most in MOST_ALONG.items():
+        assert most == 1 << (KEY_BITS[dimension] - 1 + BITS[dimension])
+
+
+def test_more_voxels_than_memory_holds_are_refused(monkeypatch):
+    """Of beams that fill 30 000 voxels, where there is memory for 1000, looked at each time that sums are joined."""
+    rng = np.random.default_rng(0)
+    scans = Scans(rng.uniform(0, 40, (3000, 3)), rng.uniform(0, 40, (3000, 3)), np.zeros(3000, np.int32), np.arange(3000, dtype=np.int32))
+    monkeypatch.setattr("hilbertvae.voxel_votes.SAMPLES_AT_ONCE", 1000)
+    voxel_votes(scans, 0.5)
+    monkeypatch.setattr("hilbertvae.voxel_votes.BYTES_A_VOXEL", os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1000)
+    with pytest.raises(InputError, match="resolution_m: beams pass more than .* voxels of 0.5 m, which take more than"):
+        voxel_votes(scans, 0.5)
