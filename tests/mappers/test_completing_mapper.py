@@ -80,3 +80,21 @@ def test_where_nothing_can_be_learned(room):
         fit(HilbertMap(tiny_reconstructor(), fill=False, adapt_steps=1), room.fit)
     with pytest.raises(InputError, match="adapt_steps: expected 0 to begin a map with partial_fit"):
         HilbertMap(tiny_reconstructor(), adapt_steps=1).partial_fit(room.fit.points, room.fit.occupied)
+
+
+@pytest.mark.parametrize("raw", [False, True])
+def test_boxes_are_completed_in_portions_as_in_one_go(place, monkeypatch, raw):
+    network = None if raw else tiny_reconstructor(place.dimension)
+    monkeypatch.setattr(completing_mapper, "BATCH", 2)
+    whole, reports = fit(HilbertMap(network), place.fit), []
+    monkeypatch.setattr(completing_mapper, "SHOWN_BYTES", 1)
+    mapper = HilbertMap(network)
+    mapper.progress = lambda done, count: reports.append((done, count))
+    portions, count = fit(mapper, place.fit), len(whole.frames_)
+    assert count > 4
+    np.testing.assert_array_equal(portions.grids_, whole.grids_)
+    if raw:
+        assert portions.known_ is None
+    else:
+        np.testing.assert_array_equal(portions.known_, whole.known_)
+        assert reports == [(min(done, count), count) for done in range(2, count + 2, 2)]

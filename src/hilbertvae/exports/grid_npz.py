@@ -27,7 +27,7 @@ def write_grid(cells: MapCells, path: str | os.PathLike, dense: bool | None = No
 
     Always: `version`; `resolution_m`; `first (D,)`, the index of the cell in the lowest corner, 0 in a list; `origin_m (D,)`, that corner.
     Dense: `probability`, `std` (float32), `observed`, `known` (bool) of shape (nx, ny) or (nx, ny, nz), axes in the order of coordinates:
-    cell [i, j] has its centre at origin_m + ([i, j] + 0.5) * resolution_m. Where `known` is false the map says nothing: p = 0.5, std = 0.5.
+    cell [i, j] has its centre at (first + [i, j] + 0.5) * resolution_m. Where `known` is false the map says nothing: p = 0.5, std = 0.5.
     A list: `index (V, D)` int64 and `probability`, `std`, `observed (V,)`; a cell's centre is at (index + 0.5) * resolution_m.
     Raises `InputError` for an empty map, another ending, and a dense grid of more than 2^27 cells.
     """

@@ -34,6 +34,10 @@ class Frames:
     def __len__(self) -> int:
         return len(self.centre)
 
+    def select(self, chosen: slice | np.ndarray) -> Frames:
+        """The frames at `chosen`."""
+        return Frames(self.centre[chosen], self.rotation[chosen], self.scale[chosen])
+
     def into(self, points: np.ndarray, frame: np.ndarray) -> np.ndarray:
         """`points (P, D)` in metres, each in the frame of number `frame (P,)`: Eq. 9."""
         # One axis at a time: numpy is slow where the last axis is short.

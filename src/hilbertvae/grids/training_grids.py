@@ -10,7 +10,6 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import FREE_POINT_M, Cloud, fit_cloud
 from hilbertvae.gaps import random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, bin_voted, find_frames
-from hilbertvae.grids.frame import Frames
 from hilbertvae.occlusions import random_occlusion
 from hilbertvae.scans.scan import Scans
 
@@ -78,5 +77,5 @@ def gapped_grids(
     frames = find_frames(cut, grid, seed)
     if len(frames) > most:
         drawn = np.sort(np.random.default_rng([seed, 0x6A9]).permutation(len(frames))[:most])
-        frames = Frames(frames.centre[drawn], frames.rotation[drawn], frames.scale[drawn])
+        frames = frames.select(drawn)
     return bin_shown(cut, frames, grid, detailed), bin_grids(cloud, frames, grid)

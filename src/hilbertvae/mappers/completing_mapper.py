@@ -8,6 +8,8 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
+from hilbertvae.grids.cluster_grids import PLACES, bin_shown
+from hilbertvae.grids.frame import Frames
 from hilbertvae.grids.training_grids import gapped_grids
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.weights import READINGS
@@ -18,6 +20,10 @@ from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
 CUT_GAPS_M = (1.5, 3.5)
 """Diameters of the gaps of each clustering that a network learns from, as in training."""
 MOST_CLUSTERINGS = 8
+SHOWN_BYTES = 2**28
+"""Of what a network is shown of a map so much lies in memory at a time: with details it is larger than what is kept."""
+BATCH = 64
+"""Grids that a network completes at a time."""
 
 
 class CompletingMapper(Mapper):
@@ -52,11 +58,31 @@ class CompletingMapper(Mapper):
     def detailed_(self) -> bool:
         return self.reconstructor is not None and self.reconstructor.detailed  # more of each cell than its label
 
-    def _complete(self, grids: np.ndarray) -> Completion:
+    def _complete_boxes(self, cloud: Cloud, frames: Frames) -> Completion:
+        """What the network makes of the cloud in the boxes of `frames`, a portion of whole batches after the other."""
+        count, dimension = frames.centre.shape
+        channels = PLACES + dimension if self.detailed_ else 1
+        at_once = max(1, SHOWN_BYTES // (channels * self.grid_.cells**dimension * BATCH)) * BATCH
+        if count <= at_once:
+            return self._complete(bin_shown(cloud, frames, self.grid_, self.detailed_))
+        value = known = None
+        for start in range(0, count, at_once):
+            chosen = slice(start, start + at_once)
+            report = self.progress and (lambda done, _, start=start: self.progress(start + done, count))
+            found = self._complete(bin_shown(cloud, frames.select(chosen), self.grid_, self.detailed_), report)
+            if value is None:
+                value = np.empty((count, *found.value.shape[1:]), found.value.dtype)
+                known = None if found.known is None else np.empty((count, *found.known.shape[1:]), found.known.dtype)
+            value[chosen] = found.value
+            if known is not None:
+                known[chosen] = found.known
+        return Completion(value, known)
+
+    def _complete(self, grids: np.ndarray, progress: Callable[[int, int], None] | None = None) -> Completion:
         network = self.adapted_ or self.reconstructor
         if network is None:
             return Completion(grids, None)
-        return network.complete(grids, self.flips_, device=self.device, progress=self.progress)
+        return network.complete(grids, self.flips_, batch=BATCH, device=self.device, progress=progress or self.progress)
 
     def _check_adaptation(self) -> None:
         steps = self.adapt_steps

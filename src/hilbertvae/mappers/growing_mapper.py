@@ -7,7 +7,6 @@ from sklearn.utils.validation import check_is_fitted
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
-from hilbertvae.grids.cluster_grids import bin_shown
 from hilbertvae.grids.frame import Frames
 from hilbertvae.mappers.completing_mapper import CompletingMapper
 from hilbertvae.mappers.growing_clusters import GrowingClusters
@@ -78,7 +77,7 @@ class GrowingMapper(CompletingMapper):
         self._start(cloud)
         dimension = cloud.points.shape[1]
         nothing, nowhere = cloud.select(slice(0)), Frames(*(np.empty((0, *(dimension,) * axes)) for axes in (1, 2, 0)))
-        completed = self._complete(bin_shown(nothing, nowhere, self.grid_, self.detailed_))
+        completed = self._complete_boxes(nothing, nowhere)
         self.seeds_, self.factors_, self.frames_ = np.empty((0, dimension)), None, nowhere
         self.grids_, self.known_ = completed.value, completed.known
 

@@ -15,7 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from hilbertvae.checks import InputError, check_cell_m, check_count
 from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
-from hilbertvae.grids.cluster_grids import GridSettings, bin_shown, cloud_clusters, frames_of
+from hilbertvae.grids.cluster_grids import GridSettings, cloud_clusters, frames_of
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernels
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
@@ -95,7 +95,7 @@ class HilbertMap(GrowingMapper):
         clusters = cloud_clusters(cloud, self.grid_, self.seed)
         self.seeds_, self.frames_ = clusters.seeds, frames_of(clusters, cloud, self.grid_)
         self.factors_ = self._cluster_factors(cloud) if self.weights == "cluster" and len(self.frames_) else None
-        completed = self._complete(bin_shown(cloud, self.frames_, self.grid_, self.detailed_))
+        completed = self._complete_boxes(cloud, self.frames_)
         self.grids_, self.known_ = completed.value, completed.known
 
     @property
@@ -149,9 +149,9 @@ class HilbertMap(GrowingMapper):
         """The `cluster` rule's factors, from gaps hidden from the network for this fit alone: else copying would look like skill."""
         gaps = random_gaps(cloud, HIDDEN_GAP_M, self.evidence_.resolution_m, seed=self.seed)
         part = gaps.part(cloud.points)
-        hidden = bin_shown(cloud.select(part == OUTSIDE), self.frames_, self.grid_, self.detailed_)
+        completed = self._complete_boxes(cloud.select(part == OUTSIDE), self.frames_)
         target = cloud.select(part != OUTSIDE)
-        holding, values = self._look_up(target.points, self._complete(hidden).value)
+        holding, values = self._look_up(target.points, completed.value)
         held = (holding != NONE).sum(axis=1)
         weights = self.rank_weights_
         if weights.level:
