@@ -15,13 +15,6 @@ from hilbertvae.voxel_votes import voxel_index
 from toy_rooms import box_room, square_room
 
 
-class Seedless(Spy):
-    """The same, but it takes no seed."""
-
-    def __init__(self):
-        super().__init__()
-
-
 @pytest.fixture(scope="module", params=[2, 3], ids=["2d", "3d"])
 def near_sighted(request):
     """A site of which no scan sees more than 3 m, so that what is left out is truly hidden."""
@@ -91,14 +84,3 @@ def test_occlusion_by_brute_force(near_sighted):
             answer = np.where(distance < 0.15, given[1][nearest], 0.5)
             for metric, value in score(site.voxels.occupied[chosen], answer).items():
                 assert found[row][metric] == [pytest.approx(value, abs=1e-12)], (row, metric)
-
-
-def test_a_mapper_without_a_seed_is_not_asked_the_same_twice(near_sighted):
-    step = {2: 10, 3: 3}[near_sighted.dimension]
-    protocol = Protocol(gap_seeds=[1, 1 + step], gap_ratio=0.2, cluster_size_m=2.0)
-    seeded, seedless = Spy(), Seedless()
-    found, expected = (evaluate(spy, near_sighted, protocol, "spy").scores for spy in (seedless, seeded))
-    assert found == expected
-    assert len(seeded.fits_) == 6
-    assert len(seedless.fits_) == 4  # the gaps of each seed, and each occlusion
-    assert len(seeded.asked_) - len(seedless.asked_) == 2

@@ -61,8 +61,7 @@ def cut_site(site: Site, protocol: Protocol, seed: int) -> Gaps:
 def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper", progress=None) -> Result:
     """Fit the mapper on the gapped site once per gap seed, and score it on what was hidden and on what was not.
 
-    Every mapper gets the same `fit` points and, of a gap, neither points nor their places; one that takes a `seed` gets the gap's. One that
-    takes none would answer the same to the same again: an occlusion that several gap seeds share is put to it once.
+    Every mapper gets the same `fit` points and, of a gap, neither points nor their places; one that takes a `seed` gets the gap's.
     `progress`, if given, is called with a line of text as each seed is done.
     """
     return evaluate_alike({name: mapper}, site, protocol, progress)
@@ -72,8 +71,7 @@ def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, p
     """`evaluate` of mappers by name that fit alike (`Mapper.fits_like`): the first is fitted for all, and its seconds are theirs."""
     protocol.check()
     first, *others = mappers.values()
-    seeded = not {"seed", "centres"}.isdisjoint(first.get_params(deep=False))
-    found = {name: _Found(seeded) for name in mappers}
+    found = {name: _Found() for name in mappers}
     every_gap = []
     for seed in protocol.gap_seeds:
         gaps = cut_site(site, protocol, seed)
@@ -86,10 +84,9 @@ def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, p
                 key = (region, kept.tobytes())
                 cases.append(site.remember(key, lambda region=region, kept=kept: occlusion_case(site, region, kept)))
         for case in cases:
-            if not all(one.has_answered(case) for one in found.values()):
-                taken = _fit(first, case.shown)
-                for mapper in others:
-                    mapper.fit_as(first)
+            taken = _fit(first, case.shown)
+            for mapper in others:
+                mapper.fit_as(first)
             for name, mapper in mappers.items():
                 if case is cases[0]:  # maps of the gapped site: other cases have other points
                     found[name].seconds["fit"].append(taken)
@@ -118,36 +115,19 @@ def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, p
 class _Found:
     """What is found of one mapper, case by case."""
 
-    seeded: bool
-    """Whether the mapper may answer otherwise for another gap seed."""
-    known: dict = field(default_factory=dict)
-    """Scores of a mapper that is not, by the id of a case, which its site remembers."""
     rows: dict = field(default_factory=lambda: defaultdict(lambda: defaultdict(lambda: defaultdict(list))))
     seconds: dict = field(default_factory=lambda: defaultdict(list))
     maps: dict = field(default_factory=lambda: defaultdict(list))
     curves: dict = field(default_factory=lambda: defaultdict(list))
 
-    def has_answered(self, case: Case) -> bool:
-        """Whether it need not be asked of this case again."""
-        return id(case) in self.known
-
     def ask(self, mapper: Mapper, case: Case) -> None:
-        scores = self.known[id(case)] if self.has_answered(case) else self._score(mapper, case)
-        if not self.seeded:
-            self.known[id(case)] = scores
-        for (reading, region), metrics in scores.items():
-            for metric, value in metrics.items():
-                self.rows[reading][region][metric].append(value)
-
-    def _score(self, mapper: Mapper, case: Case) -> dict[tuple[str, str], dict[str, float]]:
-        scores = {}
         for reading, asked in case.asked.items():
             probability = _ask(mapper, asked.points, self.seconds)
             for region, chosen in asked.regions.items():
-                scores[reading, region] = score(asked.occupied[chosen], probability[chosen])
+                for metric, value in score(asked.occupied[chosen], probability[chosen]).items():
+                    self.rows[reading][region][metric].append(value)
                 if region == "gaps":
                     self.curves[reading].append(_curve(asked.occupied[chosen], probability[chosen]))
-        return scores
 
     def scores(self) -> dict:
         return {reading: {region: dict(found) for region, found in regions.items()} for reading, regions in self.rows.items()}
