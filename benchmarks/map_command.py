@@ -21,7 +21,8 @@ from measuring import arguments, report, target
 from PIL import Image
 
 from hilbertvae.exports.grid_npz import read_grid
-from hilbertvae.mapping import SUMMARY, MapSettings, make_map
+from hilbertvae.exports.map_folder import SUMMARY
+from hilbertvae.mapping import MapSettings, make_map
 from hilbertvae.scans.formats import read_scans_path
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.sites import CATALOGUE, site_path

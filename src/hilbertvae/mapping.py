@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
@@ -17,8 +14,19 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_cell_m
 from hilbertvae.cloud import fit_cloud
-from hilbertvae.exports.formats import EXPORTS, check_names, suiting_exports, write_exports
+from hilbertvae.exports.formats import check_names, suiting_exports, write_exports
 from hilbertvae.exports.map_cells import REACH_M, MapCells
+from hilbertvae.exports.map_folder import (
+    MAP,
+    PAGE,
+    PICTURE,
+    SUMMARY,
+    check_output,
+    check_writable,
+    listed_files,
+    scans_hash,
+    writing_beside,
+)
 from hilbertvae.exports.map_picture import write_picture
 from hilbertvae.exports.page import write_page
 from hilbertvae.exports.summary import map_summary, point_counts, summary_tables
@@ -37,7 +45,6 @@ from hilbertvae.voxel_blocks import SIDE
 Say = Callable[[str], None]
 FLAT_M = 1e-3
 """Points of a planar laser in a format of three coordinates differ in height by rounding alone."""
-MAP, PICTURE, PAGE, SUMMARY = "map.safetensors", "map.png", "summary.html", "summary.json"
 
 
 @dataclass
@@ -56,7 +63,7 @@ class MapSettings(ReadingSettings):
     fill: bool = True
     """`off` gives the observed map alone."""
     adapt_steps: int = 0
-    """For how many steps the network first learns from the scans themselves, from gaps cut for that; 100 take 25 s of 2 cores in 2D."""
+    """For how many steps the network first learns from the scans themselves, from gaps cut for that; 100 take 25 to 55 s in 2D."""
     calibration: str = "voxels"
     """What the map is made for. `voxels`: a probability is the share of cells that are occupied. `points`: the cut of 0.6 finds most
     of what beams would hit. It fills in two to four times as much, and more of that is wrong (a street's gaps, by cells: recall 89 %
@@ -91,12 +98,12 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     name = name.encode("utf-8", "replace").decode()  # a name of another encoding can't be drawn or written
     if output.resolve() in (Path(settings.scans).resolve(), (Path(settings.scans) / VELODYNE).resolve()):
         raise InputError(f"output: {output} is the folder that is read, where a map would lie among the scans; choose another")
-    _check_writable(output)
+    check_writable(output)
     clock = Clock(say)
     clock.start("read")
     source = _read(settings)
     exports = suiting_exports(settings.exports, source.dimension)
-    _check_output(output, Path(settings.scans), exports)
+    check_output(output, Path(settings.scans), exports, by_name=not settings.output)
     weights = settings.weights or f"{source.dimension}d"
     chosen = {name: getattr(settings, name) for name in ("fill", "adapt_steps", "calibration")}
     mapper = (mapper or load_mapper(weights)).set_params(**chosen, device=settings.device)
@@ -108,7 +115,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     # fine cells makes a coarse one, else what is seen in one would leak into the next.
     mapper.resolution_m = fine_m = resolution_m / max(1, math.ceil(resolution_m / network_m - 1e-9))
 
-    with _beside(output) as folder:
+    with writing_beside(output) as folder:
         clock.start("label points")
         try:
             cloud = source.cloud(fine_m) if isinstance(source, GivenMap) else fit_cloud(source, fine_m)
@@ -139,59 +146,13 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         summary |= {"weights": Path(weights).name, **chosen, "seconds": clock.seconds}
         write_page(cells, folder / PAGE, name, summary_tables(summary))
         files = sorted(file.name for file in folder.iterdir())
-        write_json(folder / SUMMARY, {**summary, "files": files, **made_by()})
-        stale = _listed(output) - {*files, SUMMARY}
+        write_json(folder / SUMMARY, {**summary, "scans_hash": scans_hash(Path(settings.scans)), "files": files, **made_by()})
+        stale = listed_files(output) - {*files, SUMMARY}
         for file in (*files, SUMMARY):
             os.replace(folder / file, output / file)
         for file in stale:  # of a map that was here before: two maps in one folder would pass for one
             (output / file).unlink(missing_ok=True)
     return output
-
-
-def _listed(output: Path) -> set[str]:
-    """The files of the map that is in a folder, by its summary, which may be another tool's."""
-    ours = {MAP, PICTURE, PAGE, *(name for kind in EXPORTS.values() for name in kind.files)}
-    try:
-        return ours & set(json.loads((output / SUMMARY).read_text(encoding="utf-8"))["files"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return set()
-
-
-def _check_writable(output: Path) -> None:
-    """An `InputError` where no folder can be made or written, before anything is read."""
-    there = next(folder for folder in (output, *output.resolve().parents) if folder.exists())
-    if not there.is_dir():
-        raise InputError(f"output: expected a folder, {there} is a file")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError(f"output: {there} can't be written")
-
-
-def _check_output(output: Path, scans: Path, exports: list[str]) -> None:
-    """An `InputError` where writing would replace what is no earlier map of this command, or the very scans."""
-    written = {MAP, PICTURE, PAGE, SUMMARY, *(name for kind in exports for name in EXPORTS[kind].files)}
-    there = {name for name in written if (output / name).exists()}
-    earlier = _listed(output)
-    if scans.parent.resolve() == output.resolve() and scans.stem in {Path(name).stem for name in there | earlier}:
-        raise InputError(f"output: {scans} is what is read, and would be replaced or removed; choose another folder")
-    for name in sorted(there - earlier - ({SUMMARY} if earlier else set())):
-        raise InputError(f"output: {output / name} was not left by an earlier map, and would be replaced; choose another folder")
-
-
-@contextmanager
-def _beside(output: Path) -> Iterator[Path]:
-    """A temporary folder in `output`; that and its parents are made if need be, and then taken away again after a failure."""
-    made = [folder for folder in (output, *output.parents) if not folder.exists()]
-    output.mkdir(parents=True, exist_ok=True)
-    try:
-        with tempfile.TemporaryDirectory(prefix=".writing-", dir=output) as folder:
-            yield Path(folder)
-    except BaseException as error:
-        with suppress(OSError):
-            for folder in made:
-                folder.rmdir()
-        if isinstance(error, OSError) and error.errno and error.filename is None:  # a full disk says nothing but that
-            raise OSError(error.errno, error.strerror, str(output)) from error
-        raise
 
 
 def _read(settings: MapSettings) -> Scans | GivenMap:

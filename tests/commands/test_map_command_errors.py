@@ -174,11 +174,30 @@ def test_free_space_alone_is_no_map(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("name", ["a$^$b.npz", os.fsdecode(b"B\xfcro.npz")])
-def test_names_that_are_no_text_to_draw(room, tmp_path, name):
+def test_names_that_are_no_text_to_draw(room, tmp_path, name, monkeypatch, capsys):
     """What TeX would take for a formula, and a name in another encoding."""
     scans = npz_of(room, tmp_path / "room.npz").rename(tmp_path / name)
     out = make_map(MapSettings(scans=str(scans), output=str(tmp_path / "out"), fill=False, exports=["npz"]))
     assert (out / "map.png").stat().st_size > 1000
+    monkeypatch.chdir(tmp_path)
+    assert map_command.main([f"scans={scans}", "fill=off", "exports=[npz]"]) == 0  # to a folder of that name
+    assert "map.npz" in capsys.readouterr().out
+
+
+def test_other_scans_of_the_same_name(room, tmp_path, monkeypatch, capsys):
+    """A folder that is named after its scans is theirs."""
+    monkeypatch.chdir(tmp_path)
+    for day in ("monday", "tuesday"):
+        (tmp_path / day).mkdir()
+    first, second = (npz_of(room, tmp_path / day / "room.npz") for day in ("monday", "tuesday"))
+    words = ["fill=off", "exports=[npz]", "resolution_m=0.2"]
+    assert map_command.main([f"scans={first}", *words]) == 0
+    before = (tmp_path / "outputs/maps/room.npz/map.npz").stat().st_mtime_ns
+    assert map_command.main([f"scans={second}", *words]) == 2
+    assert "other scans of that name" in capsys.readouterr().err
+    assert (tmp_path / "outputs/maps/room.npz/map.npz").stat().st_mtime_ns == before
+    assert map_command.main([f"scans={first.relative_to(tmp_path)}", *words]) == 0
+    assert map_command.main([f"scans={second}", "output=outputs/maps/room.npz", *words]) == 0
 
 
 def test_warnings_name_keys_as_this_command_has_them(tmp_path, capsys):

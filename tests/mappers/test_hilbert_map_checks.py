@@ -88,3 +88,35 @@ def test_bad_queries_are_named(room, queries, message):
 def test_bad_parameters_are_named(room, parameters, message):
     with pytest.raises(InputError, match=message):
         fit(HilbertMap(reconstructor(), **parameters), gapped(room))
+
+
+class Stopped(KeyboardInterrupt):
+    pass
+
+
+@pytest.mark.parametrize("begin", ["fit", "partial_fit"])
+def test_what_is_refused_or_stopped_leaves_the_map_as_it_was(room, monkeypatch, begin):
+    fitted = fit(HilbertMap(reconstructor()), room.fit)
+    queries = room.fit.points[::7]
+    before = fitted.predict_proba(queries)
+    with pytest.raises(InputError, match="2D"):
+        fitted.fit(np.zeros((4, 3)) + np.arange(4)[:, None], [0, 1, 0, 1])
+    np.testing.assert_array_equal(fitted.predict_proba(queries), before)
+
+    def stop(*_):
+        raise Stopped
+
+    part = room.fit.select(slice(0, None, 2))
+    fresh = HilbertMap(reconstructor())
+    with monkeypatch.context() as patched:
+        patched.setattr(HilbertMap, "_complete", stop)
+        for mapper, method in ((fitted, "fit"), (fresh, begin)):
+            with pytest.raises(Stopped):
+                getattr(mapper, method)(part.points, part.occupied, part.weight)
+    np.testing.assert_array_equal(fitted.predict_proba(queries), before)
+    with pytest.raises(NotFittedError):
+        fresh.predict_proba(queries)
+    with pytest.raises(InputError, match="is there an outlier"):
+        fresh.partial_fit([[0.0, 0.0], [1e12, 0.0]], [True, False])
+    with pytest.raises(NotFittedError):
+        fresh.predict_proba(queries)

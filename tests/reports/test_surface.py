@@ -104,3 +104,14 @@ def test_ply_is_read_back(tmp_path):
     np.testing.assert_allclose(np.ravel(raw["probability"]), [0.7, 0.8, 0.9], rtol=1e-6)
     np.testing.assert_array_equal(np.ravel(raw["observed"]), [1, 0, 1])
     assert [file.name for file in path.parent.iterdir()] == ["map.ply"]
+
+
+def test_fine_cells_far_from_the_origin():
+    """In UTM coordinates there are more cells between the origin and a map than 64 bits can number."""
+    centre = np.array([500_000.0, 5_400_000.0, 300.0])
+    direction = np.random.default_rng(0).standard_normal((2000, 3))
+    points = centre + 0.4 * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    surface = extract_surface(lambda q: 1 / (1 + np.exp(20 * (np.linalg.norm(q - centre, axis=1) - 0.4))), cloud(points), 0.04, reach_m=0.4)
+    mesh = mesh_of(surface)
+    mesh.vertices -= centre
+    assert mesh.is_watertight and mesh.volume == pytest.approx(4 / 3 * np.pi * (0.4 - np.log(1.5) / 20) ** 3, rel=0.03)

@@ -3,6 +3,7 @@ import pytest
 from point_writers import POINTS, WRITERS, random_poses, write_drive, write_npz, write_pcd
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans import scan_folder
 from hilbertvae.scans.scan_folder import read_scan_folder
 
 SCANS = POINTS.reshape(3, 20, 3)
@@ -151,3 +152,19 @@ def test_points_at_zero_are_no_returns_under_a_files_own_origin(tmp_path):
     write_drive(tmp_path / "plain", clouds, random_poses(2), "{}.pcd", write_pcd)
     found = read_scan_folder(tmp_path / "plain", beam_origin=[0, 0, 0.5])
     assert np.bincount(found.scan).tolist() == [58, 59]
+
+
+@pytest.mark.parametrize("poses", [None, "kiss_icp"])
+@pytest.mark.parametrize("name", ["1.bin", "1.xyz"])
+def test_a_scan_of_no_bytes_is_left_out(tmp_path, monkeypatch, name, poses):
+    write_drive(tmp_path, np.full((3, 1, 3), 2.0), np.tile(np.eye(3, 4), (3, 1, 1)), "{}.bin")
+    (tmp_path / "1.bin").unlink()
+    (tmp_path / name).touch()
+    if name.endswith("xyz"):
+        for scan in (0, 2):
+            (tmp_path / f"{scan}.bin").unlink()
+            (tmp_path / f"{scan}.xyz").write_text("2 2 2\n")
+    monkeypatch.setattr(scan_folder.KissOdometry, "register", lambda self, points: np.eye(3, 4))
+    with pytest.warns(UserWarning, match="1 of 3 scans have no return"):
+        scans = read_scan_folder(tmp_path, poses=poses)
+    np.testing.assert_array_equal(scans.scan, [0, 1])

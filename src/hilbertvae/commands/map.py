@@ -14,7 +14,8 @@ from rich.text import Text
 
 from hilbertvae.checks import InputError
 from hilbertvae.commands.keywords import run_command
-from hilbertvae.mapping import SUMMARY, MapSettings, make_map
+from hilbertvae.exports.map_folder import SUMMARY
+from hilbertvae.mapping import MapSettings, make_map
 from hilbertvae.scans.formats import ReadingSettings
 
 ABOUT = (
@@ -40,7 +41,7 @@ def run(settings: MapSettings) -> None:
     except InputError as error:
         raise InputError(_alone(str(error))) from error
     summary = json.loads((output / SUMMARY).read_text(encoding="utf-8"))
-    print(report(summary, output))
+    print(report(summary, output).encode("utf-8", "replace").decode())  # a folder may have a name of another encoding
 
 
 def report(summary: dict, output: Path) -> str:

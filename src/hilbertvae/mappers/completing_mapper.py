@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -59,30 +59,36 @@ class CompletingMapper(Mapper):
         return self.reconstructor is not None and self.reconstructor.detailed  # more of each cell than its label
 
     def _complete_boxes(self, cloud: Cloud, frames: Frames) -> Completion:
-        """What the network makes of the cloud in the boxes of `frames`, a portion of whole batches after the other."""
+        """What the network makes of the cloud in the boxes of `frames`."""
+        whole = None
+        for part, found in self._completed_parts(lambda boxes: cloud, frames):
+            if len(found.value) == len(frames):
+                return found
+            if whole is None:  # parts that are joined in the end would lie in memory twice
+                rows = (found.value, found.known)
+                whole = Completion(*(kind if kind is None else np.empty((len(frames), *kind.shape[1:]), kind.dtype) for kind in rows))
+            whole.value[part] = found.value
+            if whole.known is not None:
+                whole.known[part] = found.known
+        return whole or self._complete(bin_shown(cloud, frames, self.grid_, self.detailed_))  # of no frames
+
+    def _completed_parts(self, cloud_in: Callable[[Frames], Cloud], frames: Frames) -> Iterator[tuple[slice, Completion]]:
+        """(part, what the network makes of it) for one part of the frames after the other, whole batches each; `cloud_in` gives the
+        points around some frames."""
         count, dimension = frames.centre.shape
         channels = PLACES + dimension if self.detailed_ else 1
         at_once = max(1, SHOWN_BYTES // (channels * self.grid_.cells**dimension * BATCH)) * BATCH
-        if count <= at_once:
-            return self._complete(bin_shown(cloud, frames, self.grid_, self.detailed_))
-        value = known = None
         for start in range(0, count, at_once):
-            chosen = slice(start, start + at_once)
+            chosen = slice(start, min(start + at_once, count))
+            boxes = frames.select(chosen)
             report = self.progress and (lambda done, _, start=start: self.progress(start + done, count))
-            found = self._complete(bin_shown(cloud, frames.select(chosen), self.grid_, self.detailed_), report)
-            if value is None:
-                value = np.empty((count, *found.value.shape[1:]), found.value.dtype)
-                known = None if found.known is None else np.empty((count, *found.known.shape[1:]), found.known.dtype)
-            value[chosen] = found.value
-            if known is not None:
-                known[chosen] = found.known
-        return Completion(value, known)
+            yield chosen, self._complete(bin_shown(cloud_in(boxes), boxes, self.grid_, self.detailed_), report)
 
     def _complete(self, grids: np.ndarray, progress: Callable[[int, int], None] | None = None) -> Completion:
         network = self.adapted_ or self.reconstructor
         if network is None:
             return Completion(grids, None)
-        return network.complete(grids, self.flips_, batch=BATCH, device=self.device, progress=progress or self.progress)
+        return network.complete(grids, self.flips_, batch=BATCH, device=self.device, progress=progress)
 
     def _check_adaptation(self) -> None:
         steps = self.adapt_steps

@@ -6,7 +6,7 @@ as soon as more than `minimum_points` returns lie within the outer radius.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -16,7 +16,7 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.clusters.clusters import Clusters, ball_sizes, search_tree
 from hilbertvae.clusters.starts import quick_means_seeds
 from hilbertvae.grids.aligned_grid import count_code, vote
-from hilbertvae.grids.cluster_grids import GridSettings, bin_shown, frames_of
+from hilbertvae.grids.cluster_grids import GridSettings, frames_of
 from hilbertvae.grids.frame import Frames, FrameSettings
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_array import GrowingArray
@@ -27,11 +27,14 @@ ON_VOXELS = FrameSettings(centre="seed", rotation="none", scale="fixed")
 FROM_SEEDS = (ON_VOXELS, FrameSettings(centre="seed", rotation="spread", scale="fixed"))
 """Frames that no point of the cloud moves."""
 
+CompletedParts = Callable[[Callable[[Frames], Cloud], Frames], Iterator[tuple[slice, Completion]]]
+"""(what gives the points around some frames, frames) -> (part of them, what a network makes of it), one part after the other."""
+
 
 class GrowingClusters:
     """The clusters of `evidence`, which `add` adds to; `settle` makes anew the grids of those that have changed since.
 
-    detailed: whether `complete` takes grids as `bin_detailed` makes them, and not labels alone. seeds: (M, D) of the clusters that there
+    detailed: whether a network is shown grids as `bin_detailed` makes them, and not labels alone. seeds: (M, D) of the clusters that there
     are, with their frames and completed grids. small_seeds: (S, D) those with too few returns;
     unless given, they are drawn from the returns that lie within the inner radius of no seed.
     """
@@ -95,17 +98,17 @@ class GrowingClusters:
         moved = touched[:0] if self.grid.frame in FROM_SEEDS else touched
         self._find_frames(np.append(moved, np.arange(count, len(self.seeds))))
 
-    def settle(self, complete: Callable[[np.ndarray], Completion], wanted: np.ndarray | None = None) -> None:
+    def settle(self, completed_parts: CompletedParts, wanted: np.ndarray | None = None) -> None:
         """Make the stale clusters' grids from the evidence as it is now; of these only the `wanted (M,)`, if that is given."""
         stale = np.flatnonzero(self.stale if wanted is None else self.stale & wanted)
         if not len(stale):
             return
         frames = Frames(self._centre.rows[stale], self._rotation.rows[stale], self._scale.rows[stale])
-        completed = complete(bin_shown(self.evidence.cloud(*frames.boxes()), frames, self.grid, self.detailed))
-        self._value.rows[stale] = completed.value
-        if self._known is not None:
-            self._known.rows[stale] = completed.known
-        self.stale[stale] = False
+        for part, completed in completed_parts(lambda boxes: self.evidence.cloud(*boxes.boxes()), frames):
+            self._value.rows[stale[part]] = completed.value
+            if self._known is not None:
+                self._known.rows[stale[part]] = completed.known
+            self.stale[stale[part]] = False
 
     def _find_frames(self, chosen: np.ndarray) -> None:
         """Give the chosen clusters the frames that the evidence gives them."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
@@ -37,6 +39,11 @@ class GrowingMapper(CompletingMapper):
         first = not hasattr(self, "grids_")
         if first and self.adapt_steps:
             raise InputError("adapt_steps: expected 0 to begin a map with partial_fit; only fit has a site to learn from")
+        with self._restored_on_failure() if first else nullcontext():  # later scans are refused before anything is altered
+            self._add(points, occupied, sample_weight, classes, first)
+            return self.settle() if reconstruct else self
+
+    def _add(self, points, occupied, sample_weight, classes, first) -> None:
         points, occupied, weight = self._checked_cloud(points, occupied, sample_weight, first)
         self._check_network(points.shape[1])  # a loaded map's is looked for now, before anything is altered
         if first:
@@ -55,7 +62,6 @@ class GrowingMapper(CompletingMapper):
         growing.add(cloud)
         self.seeds_, self.small_seeds_, self.frames_ = growing.seeds, growing.small_seeds, growing.frames
         self.grids_, self.known_ = growing.completed.value, growing.completed.known
-        return self.settle() if reconstruct else self
 
     def settle(self, queries: np.ndarray | None = None):
         """Reconstruct what scans have changed; given `queries (Q, D)`, only the boxes that answer them, as each query does by itself."""
@@ -68,7 +74,7 @@ class GrowingMapper(CompletingMapper):
             for start in range(0, len(queries), self.chunk):
                 asked[self.index_.holding(queries[start : start + self.chunk], self.neighbours)] = True
             wanted = asked[:-1]
-        self._growing.settle(self._complete, wanted)
+        self._growing.settle(self._completed_parts, wanted)
         self.grids_, self.known_ = self._growing.completed.value, self._growing.completed.known  # a pickle's are copies
         return self
 

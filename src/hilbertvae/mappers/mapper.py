@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import os
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import numpy as np
 from sklearn.base import BaseEstimator, ClassifierMixin
@@ -97,9 +98,21 @@ class Mapper(ClassifierMixin, BaseEstimator):
         sample_weight: (N,) how many samples each point stands for; one each unless given. Points of weight 0 are left out.
         Raises `InputError` (a ValueError) for an empty cloud, NaN, a wrong shape, or one class only.
         """
-        points, y, weight = self._checked_cloud(points, y, sample_weight)
-        self._fit(points, self._learn_labels(y, self.needs_both_classes), weight)
+        with self._restored_on_failure():
+            points, y, weight = self._checked_cloud(points, y, sample_weight)
+            self._fit(points, self._learn_labels(y, self.needs_both_classes), weight)
         return self
+
+    @contextmanager
+    def _restored_on_failure(self) -> Iterator[None]:
+        """What is refused, or stopped half-way, leaves the mapper as it was: fitted on another site, or not at all."""
+        before = dict(vars(self))
+        try:
+            yield
+        except BaseException:
+            vars(self).clear()
+            vars(self).update(before)
+            raise
 
     def fits_like(self, other: Mapper) -> bool:
         """Whether `fit` finds the same for both, so that `fit_as` may take what the other found; not unless a mapper says so."""

@@ -51,8 +51,9 @@ def extract_surface(predict: Predict, cloud: Cloud, resolution_m: float, cut: fl
 def field_surface(field: Field, seen: np.ndarray, cut: float = OCCUPIED_ABOVE) -> Surface:
     """The surface of a `Field`; `seen (N, 3)` are the occupied points that the mapper was shown."""
     keys = np.array(list(field.blocks), dtype=np.int64).reshape(-1, 3)
-    low = keys.min(axis=0, initial=0)
-    shape = tuple((keys.max(axis=0, initial=0) - low + 1) * BLOCK + 1)
+    # Around the blocks alone: with the origin, the edges of maps in UTM coordinates would outnumber 64 bits.
+    low, high = (keys.min(axis=0), keys.max(axis=0)) if len(keys) else (np.zeros(3, np.int64),) * 2
+    shape = tuple((high - low + 1) * BLOCK + 1)
     edges, places, peaks, faces = [np.empty(0, np.int64)], [np.empty((0, 3))], [np.empty(0)], [np.empty((0, 3), np.int64)]
     count = 0
     for key in field.blocks:

@@ -33,16 +33,21 @@ READERS: dict[str, Callable[[Path], FilePoints]] = {
     ".txt": read_point_text,
     ".xyz": read_point_text,
 }
+BARE = (".bin", ".csv", ".txt", ".xyz")
+"""Formats without a header."""
 
 
 def read_points(path: str | os.PathLike, may_be_empty: bool = False) -> FilePoints:
     """The returns of one file, by its extension; an `InputError` for an unknown one.
 
-    One for a file without a single return, too, unless it `may_be_empty`, as one of many scans may: then there are no points.
+    One for a file without a single return, too, unless it `may_be_empty`, as one of many scans may: then there are no points. Velodyne's
+    and text files of no return have no byte.
     """
     path = Path(path)
     if path.suffix.lower() not in READERS:
         raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {' '.join(READERS)}")
+    if may_be_empty and path.suffix.lower() in BARE and path.is_file() and not path.stat().st_size:
+        return FilePoints(np.empty((0, 3)))
     found = READERS[path.suffix.lower()](path)
     returned = np.isfinite(found.points).all(axis=1)
     if may_be_empty and not returned.any():

@@ -81,8 +81,8 @@ def read_posed_scans(
     odometry, unit = KissOdometry(), UnitCheck()
     kept, empty, dimension, first = ScanCollector(), 0, 0, ""
     # Odometry goes from scan to scan, so it sees those too that are left out.
-    taken = range(0, len(files), every) if poses is None else track(range(len(files)), FINDING)
-    for index in taken:
+    taken = range(0, len(files), every if poses is None else 1)
+    for index in taken if poses is None else track(taken, FINDING):
         found = read_points(files[index], may_be_empty=True)
         if not len(found.points):
             empty += 1

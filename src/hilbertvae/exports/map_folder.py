@@ -1,0 +1,79 @@
+"""The folder that a map is written to: what may be replaced there, and files that appear all together or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from hilbertvae.checks import InputError
+from hilbertvae.exports.formats import EXPORTS
+from hilbertvae.files import hash_of
+
+MAP, PICTURE, PAGE, SUMMARY = "map.safetensors", "map.png", "summary.html", "summary.json"
+
+
+def scans_hash(scans: Path) -> str:
+    """What tells the scans of a map from others of the same name; where they lie says nothing elsewhere."""
+    return hash_of(str(scans.resolve()))
+
+
+def listed_files(output: Path) -> set[str]:
+    """The files of the map that is in a folder, by its summary, which may be another tool's."""
+    ours = {MAP, PICTURE, PAGE, *(name for kind in EXPORTS.values() for name in kind.files)}
+    try:
+        return ours & set(_summary(output)["files"])
+    except (KeyError, TypeError):
+        return set()
+
+
+def _summary(output: Path) -> dict:
+    """What is in a folder's summary, which may be another tool's, or none."""
+    try:
+        found = json.loads((output / SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def check_writable(output: Path) -> None:
+    """An `InputError` where no folder can be made or written, before anything is read."""
+    there = next(folder for folder in (output, *output.resolve().parents) if folder.exists())
+    if not there.is_dir():
+        raise InputError(f"output: expected a folder, {there} is a file")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"output: {there} can't be written")
+
+
+def check_output(output: Path, scans: Path, exports: list[str], by_name: bool) -> None:
+    """An `InputError` where writing would replace what is no earlier map of this command, or the very scans; in a folder that was not
+    chosen but named after the scans, `by_name`, also where the earlier map is of others."""
+    written = {MAP, PICTURE, PAGE, SUMMARY, *(name for kind in exports for name in EXPORTS[kind].files)}
+    there = {name for name in written if (output / name).exists()}
+    earlier = listed_files(output)
+    if scans.parent.resolve() == output.resolve() and scans.stem in {Path(name).stem for name in there | earlier}:
+        raise InputError(f"output: {scans} is what is read, and would be replaced or removed; choose another folder")
+    for name in sorted(there - earlier - ({SUMMARY} if earlier else set())):
+        raise InputError(f"output: {output / name} was not left by an earlier map, and would be replaced; choose another folder")
+    if by_name and earlier and _summary(output).get("scans_hash") not in (None, scans_hash(scans)):
+        raise InputError(f"output: {output} has the map of other scans of that name, and would be replaced; choose a folder with output=")
+
+
+@contextmanager
+def writing_beside(output: Path) -> Iterator[Path]:
+    """A temporary folder in `output`; that and its parents are made if need be, and then taken away again after a failure."""
+    made = [folder for folder in (output, *output.parents) if not folder.exists()]
+    output.mkdir(parents=True, exist_ok=True)
+    try:
+        with tempfile.TemporaryDirectory(prefix=".writing-", dir=output) as folder:
+            yield Path(folder)
+    except BaseException as error:
+        with suppress(OSError):
+            for folder in made:
+                folder.rmdir()
+        if isinstance(error, OSError) and error.errno and error.filename is None:  # a full disk says nothing but that
+            raise OSError(error.errno, error.strerror, str(output)) from error
+        raise
