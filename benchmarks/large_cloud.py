@@ -21,7 +21,7 @@ from measuring import arguments, report, seconds_of, stage_seconds, target
 
 from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.grids.cluster_grids import GridSettings
-from hilbertvae.mappers import hilbert_map
+from hilbertvae.mappers import completing_mapper, hilbert_map
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.likelihood import LikelihoodSettings
@@ -39,7 +39,7 @@ GRIDS = {2: GridSettings(), 3: GridSettings(cells=32, inner_radius_m=2.0)}
 STAGES = {
     "evidence": (hilbert_map, "Evidence"),
     "cluster": (hilbert_map, "cloud_clusters"),
-    "bin": (hilbert_map, "bin_shown"),
+    "bin": (completing_mapper, "bin_shown"),
     "reconstruct": (HilbertMap, "_complete"),
 }
 MARGIN_M = 5.0

@@ -12,7 +12,7 @@ from __future__ import annotations
 from measuring import arguments, report, seconds_of, stage_seconds, target
 
 from hilbertvae.cloud import Cloud
-from hilbertvae.mappers import hilbert_map
+from hilbertvae.mappers import completing_mapper, hilbert_map
 from hilbertvae.mappers.gpom import GpomMapper
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.loading import load_mapper
@@ -22,7 +22,7 @@ from hilbertvae.site import open_site
 STAGES = {
     "evidence": (hilbert_map, "Evidence"),
     "cluster": (hilbert_map, "cloud_clusters"),
-    "bin": (hilbert_map, "bin_shown"),
+    "bin": (completing_mapper, "bin_shown"),
     "reconstruct": (HilbertMap, "_complete"),
     "fit weights": (HilbertMap, "_cluster_factors"),
 }
