@@ -23,15 +23,18 @@ INSIDE, OUTSIDE, RIM = 1, 0, -1
 @dataclass(frozen=True)
 class Gaps:
     """Balls that lie apart. centres: (G, D) metres; radius_m: (G,); resolution_m: the voxels that decide what is inside; share: of the
-    points that they were cut from, how many are gone, if that is known."""
+    points that they were cut from, how many are gone, if that is known; rim: whether voxels that a surface cuts belong to neither part
+    (METHOD 7), or their middles decide."""
 
     centres: np.ndarray
     radius_m: np.ndarray
     resolution_m: float
     share: float = math.nan
+    rim: bool = True
 
     def part(self, points: np.ndarray) -> np.ndarray:
-        """(N,) int8 per point: `INSIDE` if its voxel lies wholly in a ball, `RIM` if a ball's surface cuts it, else `OUTSIDE`.
+        """(N,) int8 per point: `INSIDE` if its voxel lies wholly in a ball, `RIM` if a ball's surface cuts it, else `OUTSIDE`; without a
+        `rim`, `INSIDE` if the middle of its voxel lies in a ball.
 
         The voxel decides, not the point, so that the same balls cut all clouds alike, and a thinned point, the mean of samples
         anywhere in its voxel, can't carry a removed sample out of the gap.
@@ -62,16 +65,20 @@ class Gaps:
         """`part` of the points of `index`."""
         reach = self.radius_m[:, None] + self.resolution_m
         ball, point = index.in_boxes(self.centres - reach, self.centres + reach)
-        nearest, farthest = np.zeros(len(point)), np.zeros(len(point))
+        nearest, farthest, middle = np.zeros(len(point)), np.zeros(len(point)), np.zeros(len(point))
         for axis, centre in zip(index.points.T, self.centres.T, strict=True):
             below = voxel_index(axis[point], self.resolution_m) * self.resolution_m - centre[ball]
             above = below + self.resolution_m
             nearest += np.clip(0, below, above) ** 2
             farthest += np.maximum(np.abs(below), np.abs(above)) ** 2
+            middle += ((below + above) / 2) ** 2
         squared = self.radius_m[ball] ** 2
         part = np.zeros(len(index.points), np.int8)
-        part[point[nearest < squared]] = RIM
-        part[point[farthest < squared]] = INSIDE
+        if self.rim:
+            part[point[nearest < squared]] = RIM
+            part[point[farthest < squared]] = INSIDE
+        else:
+            part[point[middle < squared]] = INSIDE
         return part
 
     def cut(self, cloud: Cloud) -> Cloud:
@@ -80,12 +87,18 @@ class Gaps:
 
 
 def random_gaps(
-    cloud: Cloud, diameter_m: float | tuple[float, float], resolution_m: float, seed: int, centred: bool = False, attempts: int = 20_000
+    cloud: Cloud,
+    diameter_m: float | tuple[float, float],
+    resolution_m: float,
+    seed: int,
+    centred: bool = False,
+    attempts: int = 20_000,
+    rim: bool = True,
 ) -> Gaps:
     """Balls around random occupied points of `cloud`, until 10 to 15 % of its points are gone.
 
     A centre is moved off its point by a uniform offset within the radius: centred on the point, the distance to the centre alone
-    would tell where the wall is. `centred` leaves it there. A range of diameters draws each ball's own, uniformly.
+    would tell where the wall is. `centred` leaves it there. A range of diameters draws each ball's own, uniformly. `rim`: as `Gaps` has it.
     """
     sizes = (diameter_m, diameter_m) if np.isscalar(diameter_m) else tuple(diameter_m)
     if len(sizes) != 2 or sizes[0] > sizes[1]:
@@ -109,7 +122,7 @@ def random_gaps(
         centre = cloud.points[rng.choice(occupied)] + (0 if centred else offset)
         if (np.linalg.norm(centres - centre, axis=1) < radii + radius).any():
             continue
-        ball = Gaps(centre[None], np.array([radius]), resolution_m)
+        ball = Gaps(centre[None], np.array([radius]), resolution_m, rim=rim)
         reach = radius + 2 * resolution_m
         near = index.in_boxes(centre[None] - reach, centre[None] + reach)[1]
         taken = near[(ball.part(cloud.points[near]) != OUTSIDE) & ~gone[near]]
@@ -120,4 +133,4 @@ def random_gaps(
         centres, radii = np.vstack([centres, centre]), np.append(radii, radius)
     if not len(centres):
         raise InputError(f"gaps of {diameter_m} m: none fits into this site without removing more than {MOST_SHARE:.0%} of it")
-    return Gaps(centres, radii, resolution_m, count / len(cloud))
+    return Gaps(centres, radii, resolution_m, count / len(cloud), rim)

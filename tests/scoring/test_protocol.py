@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import fit_cloud
+from hilbertvae.gaps import INSIDE
 from hilbertvae.mappers.constant import ConstantMapper, GapCentreMapper
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.nearest import NearestMapper
@@ -204,6 +205,20 @@ def test_centred_gaps_are_rows_of_their_own(room):
         assert (np.abs(room.fit.points[room.fit.occupied] - centre).max(axis=1) == 0).any()
     with pytest.raises(ValueError, match="differ in"):
         evaluate(ConstantMapper(), room, QUICK).add(evaluate(ConstantMapper(), room, centred))
+
+
+def test_without_a_rim_every_voxel_is_shown_or_asked(room):
+    """And rows of such gaps are their own."""
+    found = {}
+    for rim in (True, False):
+        protocol = Protocol(gap_seeds=[0], gap_ratio=0.5, cluster_size_m=3.0, occlusion=False, rim=rim)
+        gaps = cut_site(room, protocol, 0)
+        shown, hidden = gaps.cut(room.voxels), gaps.part(room.voxels.points) == INSIDE
+        assert (len(shown) + hidden.sum() == len(room.voxels)) == (not rim)
+        found[rim] = evaluate(ConstantMapper(), room, protocol)
+        assert found[rim].scores["mapper"]["voxels"]["gaps"]["count"] == [hidden.sum()]
+    with pytest.raises(ValueError, match="differ in"):
+        found[True].add(found[False])
 
 
 def test_a_site_without_room_for_enough_gaps_says_so():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -72,7 +72,7 @@ def _squared_extent(codes: np.ndarray, extent):
 def gaps_of(result: Result, site: Site, seed: int) -> Gaps:
     """The gaps that a `Result` was scored on with this gap seed."""
     ball = next(ball for ball in result.gaps if ball["seed"] == seed)
-    return Gaps(np.array(ball["centres"]), np.array(ball["radius_m"]), site.resolution_m)
+    return Gaps(np.array(ball["centres"]), np.array(ball["radius_m"]), site.resolution_m, rim=result.protocol.get("rim", True))
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class SiteMaps:
 
 def _hidden(cloud: Cloud, gaps: Gaps) -> np.ndarray:
     occupied = cloud.points[cloud.occupied]
-    balls = (Gaps(gaps.centres[[g]], gaps.radius_m[[g]], gaps.resolution_m) for g in range(len(gaps.centres)))
+    balls = (replace(gaps, centres=gaps.centres[[g]], radius_m=gaps.radius_m[[g]]) for g in range(len(gaps.centres)))
     return np.array([np.count_nonzero(ball.part(occupied) == INSIDE) for ball in balls])
 
 

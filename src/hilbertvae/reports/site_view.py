@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
@@ -93,7 +93,7 @@ def _voted(cloud: Cloud, resolution_m: float) -> np.ndarray:
 
 def one_gap(gaps: Gaps, gap: int) -> Gaps:
     """The gap of that number alone."""
-    return Gaps(gaps.centres[[gap]], gaps.radius_m[[gap]], gaps.resolution_m)
+    return replace(gaps, centres=gaps.centres[[gap]], radius_m=gaps.radius_m[[gap]])
 
 
 def fullest_gap(view: SiteView) -> int:
