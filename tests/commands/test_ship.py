@@ -40,6 +40,17 @@ def test_a_shipped_network_is_loaded_by_its_name(folder, trained, room):
     assert np.isfinite(found).all() and found[room.fit.occupied, 1].mean() > found[~room.fit.occupied, 1].mean()
 
 
+def test_maps_may_be_turned_and_read_otherwise_than_in_training(folder, trained):
+    assert main(["2d", "--checkpoint", str(trained), "--rotation", "spread", "--interpolated"]) == 0
+    first = Reconstructor.load("2d")
+    assert (first.grid.frame.rotation, first.grid.interpolated) == ("spread", True)
+    assert "in frames turned as `spread`, read between cells." in (folder / "2d.md").read_text()
+    # What is packed already can be shipped again, to the bit.
+    assert main(["2d", "--checkpoint", str(folder / "2d.safetensors")]) == 0
+    again = Reconstructor.load("2d")
+    assert again.fingerprint() == first.fingerprint() and again.weights == first.weights and again.grid == first.grid
+
+
 def test_a_packed_network_says_nearly_the_same(folder, trained):
     main(["2d", "--checkpoint", str(trained)])
     grids = np.random.default_rng(0).integers(-1, 2, (4, 16, 16)).astype(np.int8)

@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -54,16 +56,55 @@ def test_equations_7_and_8_by_brute_force(seed, dimension, count, nearest, turne
                 assert values[q, r] == grids[m][cell]
 
 
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(2, 3), turned=st.booleans(), kind=st.sampled_from(["f2", "f4", "i1", "u1"]))
+def test_between_cells_by_brute_force(seed, dimension, turned, kind):
+    """Each cell around a query counts by the part of a cell-sized box about the query that lies in it; what lies outside of the grid, its
+    nearest cell has."""
+    rng = np.random.default_rng(seed)
+    frames, cells = random_frames(rng, 20, dimension, turned), 4
+    queries = rng.uniform(-5, 5, (25, dimension))
+    grids = rng.integers(-5, 6, (20, *(cells,) * dimension)).astype(kind)
+    holding = FrameIndex(frames).holding(queries, 3)
+    values = kernel(grids, frames, queries, holding, interpolated=True)
+    assert values.dtype == np.float32
+    for (q, r), m in np.ndenumerate(holding):
+        expected = 0.0
+        if m != NONE:
+            place = [(x + 0.5) * cells for x in inside_by_loop(frames, m, queries[q])]
+            for cell in itertools.product(range(-1, cells + 1), repeat=dimension):
+                share = np.prod([max(0.0, min(x + 0.5, c + 1) - max(x - 0.5, c)) for x, c in zip(place, cell, strict=True)])
+                expected += share * float(grids[m][tuple(min(max(c, 0), cells - 1) for c in cell)])
+        assert values[q, r] == pytest.approx(expected, abs=1e-4)
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
-def test_several_grids_are_read_as_each_alone(dimension):
+def test_between_cells_a_slope_is_a_slope_and_a_middle_its_cell(dimension):
+    rng = np.random.default_rng(0)
+    frames = Frames(np.zeros((1, dimension)), np.eye(dimension)[None], np.ones(1))
+    cells, holding = 8, np.zeros((50, 1), np.int64)
+    middles = [(np.arange(cells) + 0.5) / cells - 0.5] * dimension
+    slope = sum(weight * axis for weight, axis in zip((1.0, -2.0, 0.5), np.meshgrid(*middles, indexing="ij"), strict=False))
+    queries = rng.uniform(-0.5 + 0.5 / cells, 0.5 - 0.5 / cells, (50, dimension))
+    expected = queries @ np.array((1.0, -2.0, 0.5))[:dimension]
+    np.testing.assert_allclose(kernel(slope[None], frames, queries, holding, interpolated=True)[:, 0], expected, atol=1e-6)
+    grids = rng.normal(size=(1, *(cells,) * dimension)).astype(np.float32)
+    queries = np.array(list(itertools.product(*middles)))[:50]
+    read = [kernel(grids, frames, queries, holding, interpolated) for interpolated in (False, True)]
+    np.testing.assert_allclose(*read, atol=1e-6)
+
+
+@pytest.mark.parametrize("interpolated", [False, True])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_several_grids_are_read_as_each_alone(dimension, interpolated):
     rng = np.random.default_rng(0)
     frames = random_frames(rng, 30, dimension, True)
     queries = rng.uniform(-6, 6, (200, dimension))
     holding = FrameIndex(frames).holding(queries, 4)
     shape = (30, *(5,) * dimension)
     several = [rng.normal(size=shape).astype(np.float16), rng.integers(0, 256, shape).astype(np.uint8)]
-    for found, grids in zip(kernels(several, frames, queries, holding), several, strict=True):
-        np.testing.assert_array_equal(found, kernel(grids, frames, queries, holding))
+    for found, grids in zip(kernels(several, frames, queries, holding, interpolated), several, strict=True):
+        np.testing.assert_array_equal(found, kernel(grids, frames, queries, holding, interpolated))
         assert found.dtype == np.float32 and found.any()
 
 
@@ -127,8 +168,14 @@ def test_no_frames_and_no_queries():
 
 
 @settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(2, 3), turned=st.booleans(), pieces=st.integers(1, 6))
-def test_each_query_is_answered_alone(seed, dimension, turned, pieces):
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    dimension=st.integers(2, 3),
+    turned=st.booleans(),
+    pieces=st.integers(1, 6),
+    interpolated=st.booleans(),
+)
+def test_each_query_is_answered_alone(seed, dimension, turned, pieces, interpolated):
     rng = np.random.default_rng(seed)
     frames = random_frames(rng, 40, dimension, turned, one_scale=True)
     # Seeds of a lattice: many queries are equally far from several centres.
@@ -138,7 +185,7 @@ def test_each_query_is_answered_alone(seed, dimension, turned, pieces):
 
     def answer(part):
         holding = index.holding(part, 5)
-        return np.concatenate([holding, kernel(grids, frames, part, holding)], axis=1)
+        return np.concatenate([holding, kernel(grids, frames, part, holding, interpolated)], axis=1)
 
     whole, order = answer(queries), rng.permutation(60)
     np.testing.assert_array_equal(answer(queries[order]), whole[order])

@@ -1,4 +1,5 @@
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,10 +23,17 @@ def turned_grid(dimension):
     return grid
 
 
+def between_cells(dimension):
+    made = network(dimension)
+    made.grid = replace(made.grid, interpolated=True)
+    return made
+
+
 MAPPERS = {
     "network": lambda dimension: HilbertMap(network(dimension)),
     "cluster": lambda dimension: HilbertMap(network(dimension), weights="cluster"),
     "no evidence": lambda dimension: HilbertMap(network(dimension), evidence=False, calibration="voxels", seed=np.int64(3)),
+    "between cells": lambda dimension: HilbertMap(between_cells(dimension)),
     "raw": lambda dimension: HilbertMap(grid=tiny_grid(dimension), weights="unit", neighbours=3),
     "turned": lambda dimension: HilbertMap(grid=turned_grid(dimension), weights="unit", resolution_m=0.15),
 }

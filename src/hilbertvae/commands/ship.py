@@ -19,13 +19,16 @@ from hilbertvae.site import open_site
 from hilbertvae.training.settings import Settings
 
 
-def ship(checkpoint: Path, name: str, rotation: str | None = None) -> Path:
+def ship(checkpoint: Path, name: str, rotation: str | None = None, interpolated: bool = False) -> Path:
     """Pack the network of `checkpoint`, learn its map's weights with it as packed, and write it where `load_mapper(name)` looks.
 
-    rotation: of the frames of its maps (`FrameSettings`), if they shall be others than those of its training."""
+    rotation: of the frames of its maps (`FrameSettings`), if they shall be others than those of its training. interpolated: whether they
+    are read between cells, whatever its training had."""
     trained = Reconstructor.load(checkpoint)
     if rotation:
         trained = replace(trained, grid=replace(trained.grid, frame=replace(trained.grid.frame, rotation=rotation)))
+    if interpolated:
+        trained = replace(trained, grid=replace(trained.grid, interpolated=True))
     defaults = Settings(dimension=trained.dimension)
     with tempfile.TemporaryDirectory() as folder:
         packed = Reconstructor.load(replace(trained, weights={}).save(Path(folder) / "packed.safetensors", packed=True))
@@ -51,12 +54,13 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("name", choices=SHIPPED, help="what `load_mapper` shall know it as")
     parser.add_argument("--checkpoint", type=Path, help="model.safetensors of a training; without it the card alone is written anew")
     parser.add_argument("--rotation", help="how boxes of its maps are turned (`grid.frame.rotation`), unless as in its training")
+    parser.add_argument("--interpolated", action="store_true", help="its maps are read between cells (`grid.interpolated`)")
     parser.add_argument("--results", type=Path, nargs="*", default=[], help="result.json files that scored it, for its card")
     given = parser.parse_args(words)
     try:
         if given.checkpoint:
             print(f"{given.name}: its map's weights are learned on the validation site")
-            print(ship(given.checkpoint, given.name, given.rotation))
+            print(ship(given.checkpoint, given.name, given.rotation, given.interpolated))
         print(write_card(given.name, given.results))
     except (InputError, OSError) as error:
         print(f"hilbertvae-ship: {error}", file=sys.stderr)

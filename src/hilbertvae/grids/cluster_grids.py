@@ -34,6 +34,8 @@ class GridSettings:
     """Occupied points that a cluster has more than."""
     occupied_share: float = OCCUPIED_SHARE
     """Share of hits from which on a cell is occupied; 0.5 is the paper's majority."""
+    interpolated: bool = False
+    """Whether a map reads its grids between cells (`kernel`); the paper reads the cell that a query falls in (Eq. 7)."""
     frame: FrameSettings = field(default_factory=FrameSettings)
 
     def check(self) -> None:
@@ -47,6 +49,8 @@ class GridSettings:
             raise InputError(f"grid.inner_radius_m: expected at most half of cluster_diameter_m, got {self.inner_radius_m}")
         if not 0 < self.occupied_share <= 1:
             raise InputError(f"grid.occupied_share: expected a share in (0, 1], got {self.occupied_share}")
+        if not isinstance(self.interpolated, bool):
+            raise InputError(f"grid.interpolated: expected true or false, got {self.interpolated!r}")
 
     @property
     def cell_m(self) -> float:

@@ -1,10 +1,11 @@
 """The kernel of Eq. 7 and its sparse feature vector of Eq. 8: queries looked up in the K nearest grids whose box holds them.
 
-A reconstructed grid is never resampled: the query is mapped into the frame and the cell it falls in is read.
+A reconstructed grid is never resampled: the query is mapped into the frame, and the cell it falls in is read, or those around it.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -107,21 +108,50 @@ def _nearest_first(distance: np.ndarray, nearest: int) -> tuple[np.ndarray, np.n
     return order[:, :nearest], found[:, :nearest]
 
 
-def kernel(grids: np.ndarray, frames: Frames, queries: np.ndarray, holding: np.ndarray) -> np.ndarray:
-    """Eq. 7 for Eq. 8: (Q, K) values of `grids (M, n, ..., n)` at `queries (Q, D)`, in the grids `holding (Q, K)`; 0 for `NONE`."""
-    return kernels([grids], frames, queries, holding)[0]
+def kernel(grids: np.ndarray, frames: Frames, queries: np.ndarray, holding: np.ndarray, interpolated: bool = False) -> np.ndarray:
+    """Eq. 7 for Eq. 8: (Q, K) values of `grids (M, n, ..., n)` at `queries (Q, D)`, in the grids `holding (Q, K)`; 0 for `NONE`.
+
+    interpolated: between the middles of the 2^D cells around a query, multilinearly; else the cell that it falls in, as in the paper."""
+    return kernels([grids], frames, queries, holding, interpolated)[0]
 
 
-def kernels(several: list[np.ndarray], frames: Frames, queries: np.ndarray, holding: np.ndarray) -> list[np.ndarray]:
+def kernels(
+    several: list[np.ndarray], frames: Frames, queries: np.ndarray, holding: np.ndarray, interpolated: bool = False
+) -> list[np.ndarray]:
     """`kernel` of each of several grids of one size, whose cells are found once."""
     cells = several[0].shape[1]
     query, rank = np.nonzero(holding != NONE)
     frame = holding[query, rank]
-    cell, inside = cell_index(frames, queries[query], frame, cells)
-    cell += frame * cells ** queries.shape[1]
-    found = []
-    for grids in several:
-        values = np.zeros(holding.shape, np.float32)
-        values[query[inside], rank[inside]] = grids.reshape(-1)[cell[inside]]
-        found.append(values)
+    if interpolated:
+        found = _between(several, frames.into(queries[query], frame), frame)
+        inside = np.ones(len(query), bool)
+    else:
+        cell, inside = cell_index(frames, queries[query], frame, cells)
+        cell = cell[inside] + frame[inside] * cells ** queries.shape[1]
+        found = [grids.reshape(-1)[cell] for grids in several]
+    values = [np.zeros(holding.shape, np.float32) for _ in several]
+    for kind, read in zip(values, found, strict=True):
+        kind[query[inside], rank[inside]] = read
+    return values
+
+
+def _between(several: list[np.ndarray], places: np.ndarray, frame: np.ndarray) -> list[np.ndarray]:
+    """float32 (P,) per grids: the value at `places (P, D)`, of each box from -1/2 to 1/2, in the grid of its `frame (P,)`. Beyond the
+    middles of a box's outermost cells these count alone."""
+    cells = several[0].shape[1]
+    start, beside = frame * cells ** places.shape[1], []
+    for axis, along in enumerate(places.T):
+        place = (along + 0.5) * cells - 0.5
+        below = np.floor(place)
+        part = (place - below).astype(np.float32)
+        step = cells ** (places.shape[1] - 1 - axis)
+        beside.append([(np.clip(below + side, 0, cells - 1).astype(np.int64) * step, part if side else 1 - part) for side in (0, 1)])
+    found = [np.zeros(len(frame), np.float32) for _ in several]
+    for corner in itertools.product(*beside):
+        cell, weight = start.copy(), np.float32(1.0)
+        for step, share in corner:
+            cell += step
+            weight = weight * share
+        for total, grids in zip(found, several, strict=True):
+            total += weight * grids.reshape(-1)[cell]
     return found

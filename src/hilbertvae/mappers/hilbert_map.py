@@ -171,7 +171,7 @@ class HilbertMap(GrowingMapper):
     def _look_up(self, queries, *grids):
         """The boxes that hold each query (Q, K), and the kernel values (Q, K) of each of `grids` there."""
         holding = self.index_.holding(queries, self.neighbours)
-        return holding, *kernels(list(grids), self.frames_, queries, holding)
+        return holding, *kernels(list(grids), self.frames_, queries, holding, self.grid_.interpolated)
 
     def _features(self, queries, holding, values):
         if self.factors_ is not None:
@@ -234,7 +234,7 @@ class HilbertMap(GrowingMapper):
 
     def _known(self, queries):
         holding = self.index_.holding(queries, self.neighbours)
-        said = [] if self.known_ is None else kernels([self.known_], self.frames_, queries, holding)
+        said = [] if self.known_ is None else kernels([self.known_], self.frames_, queries, holding, self.grid_.interpolated)
         return self._known_or_seen(queries, holding, said)
 
     def _known_or_seen(self, queries, holding, said):

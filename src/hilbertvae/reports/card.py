@@ -51,7 +51,8 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         "## Trained",
         *_trained(card),
         f"The Hilbert Map's weights were learned on {card['validated_on']}, over {card['flips']} flip{'s' if card['flips'] > 1 else ''}"
-        + (f", in frames turned as `{turned}`." if (turned := network.grid.frame.rotation) != "none" else "."),
+        + (f", in frames turned as `{turned}`" if (turned := network.grid.frame.rotation) != "none" else "")
+        + (", read between cells." if network.grid.interpolated else "."),
         "## Scores",
         *([_scores([read_result(path)[0] for path in results]), _made(results)] if results else ["Not scored yet."]),
         "## Limits",

@@ -71,7 +71,7 @@ def grids_hash(name: str, seed: int, settings: Settings) -> str:
         **settings.source().made_of(name),
         "seed": seed,
         "resolution_m": settings.resolution_m,
-        "grid": asdict(settings.grid),
+        "grid": asdict(replace(settings.grid, interpolated=False)),  # which tells how a map reads grids
         "detailed": is_detailed(settings.network),
         "voted": is_voted(settings),
         "clustering": asdict(_clustering(seed, settings)),
