@@ -19,7 +19,7 @@ from hilbertvae.site import open_site
 from hilbertvae.training.settings import Settings
 
 
-def ship(checkpoint: Path, name: str, rotation: str | None = None, interpolated: bool = False) -> Path:
+def ship(checkpoint: str | Path, name: str, rotation: str | None = None, interpolated: bool = False) -> Path:
     """Pack the network of `checkpoint`, learn its map's weights with it as packed, and write it where `load_mapper(name)` looks.
 
     rotation: of the frames of its maps (`FrameSettings`), if they shall be others than those of its training. interpolated: whether they
@@ -52,7 +52,7 @@ def main(words: list[str] | None = None) -> int:
     """Entry point; the exit code, 2 for what can't be shipped."""
     parser = argparse.ArgumentParser(prog="hilbertvae-ship", description=__doc__.split(": ", 1)[1])
     parser.add_argument("name", choices=SHIPPED, help="what `load_mapper` shall know it as")
-    parser.add_argument("--checkpoint", type=Path, help="model.safetensors of a training; without it the card alone is written anew")
+    parser.add_argument("--checkpoint", help="model.safetensors of a training, or a name; without it the card alone is written anew")
     parser.add_argument("--rotation", help="how boxes of its maps are turned (`grid.frame.rotation`), unless as in its training")
     parser.add_argument("--interpolated", action="store_true", help="its maps are read between cells (`grid.interpolated`)")
     parser.add_argument("--results", type=Path, nargs="*", default=[], help="result.json files that scored it, for its card")
