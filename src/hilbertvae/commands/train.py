@@ -20,6 +20,7 @@ import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.commands.clustering_study import run_clustering, write_clustering_failure
 from hilbertvae.commands.gpus import give_gpus
+from hilbertvae.commands.keywords import stopped_by_sigterm
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSettings
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
@@ -161,7 +162,8 @@ def main() -> None:
     if JOB in os.environ and int(os.environ.get("LOCAL_RANK", 0)):
         words = json.loads(os.environ[JOB]) + [word for word in words if word.startswith(("hydra.job.name=", "hydra.output_subdir="))]
     sys.argv[1:] = words
-    _application()
+    with stopped_by_sigterm():  # else a launcher's workers, or a scoring's, would go on without it
+        _application()
 
 
 if __name__ == "__main__":
