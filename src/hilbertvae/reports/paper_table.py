@@ -36,9 +36,9 @@ PAPER = {
 NOTE = (
     "Scored on points: precision / recall in percent, mean±sd over gap seeds; differences in points of percent. The paper's observed rows "
     "are on points that were fitted: compare them with ours on fitted points; held-out beams are the harder question. The paper says "
-    "neither on which site it scored nor how many gaps it cut where, so a difference is of data as well as of method. At the "
-    "paper's: with another cut than 0.6, our precision at the paper's recall, and our recall at the paper's precision."
+    "neither on which site it scored nor how many gaps it cut where, so a difference is of data as well as of method."
 )
+MOVED_NOTE = "At the paper's: with another cut than 0.6, our precision at the paper's recall, and our recall at the paper's precision."
 OCTOMAP_NOTE = (
     "OctoMap is fed labelled points, as every mapper is, and calls nothing in a gap: no point of one is shown. The paper's has answers "
     "there; fed rays, which cross gaps, OctoMap calls nothing in them occupied either (docs/decisions.md)."
@@ -65,7 +65,7 @@ def paper_table(result: Result) -> str:
             difference = _difference(regions.get("gaps", {}), row.gaps)
             moved = _at_the_paper_s(result.curves.get(name, {}).get("points"), row.gaps)
             rows.append([row.name, name, _printed(row.observed), both[0], both[1], _printed(row.gaps), both[2], difference, moved])
-    note = f"{NOTE} {OCTOMAP_NOTE}" if result.dimension == 3 else NOTE
+    note = f"{NOTE} {MOVED_NOTE} {OCTOMAP_NOTE}" if result.dimension == 3 else f"{NOTE} {MOVED_NOTE}"
     return f"### {heading(result)}, beside the paper\n\n{markdown(['paper', 'ours', *columns], rows)}\n\n{note}\n"
 
 
