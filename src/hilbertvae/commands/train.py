@@ -141,7 +141,7 @@ def _application(config: DictConfig) -> None:
     except KeyboardInterrupt as error:
         if many:
             raise
-        print(f"hilbertvae-train: {str(error) or 'stopped; the same command goes on from its last epoch'}", file=sys.stderr)
+        print(f"hilbertvae-train: {str(error) or 'stopped; the same command goes on from where it was'}", file=sys.stderr)
         sys.exit(130)
     except Exception as error:
         if many or not isinstance(error, InputError):  # a wrong setting of a single run is told at once, and leaves nothing

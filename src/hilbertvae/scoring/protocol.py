@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections import defaultdict
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
@@ -189,13 +189,21 @@ def ceiling(site: Site) -> dict[str, dict[str, float]]:
     return found
 
 
-def evaluate_all(mappers: dict[str, Mapper], site: Site, protocol: Protocol, progress=None) -> Result:
-    """One `Result` of all mappers by name. One that fails is named in `failed`, and the others are scored all the same."""
+def evaluate_all(mappers: dict[str, Mapper], site: Site, protocol: Protocol, progress=None, kept=None) -> Result:
+    """One `Result` of all mappers by name. One that fails is named in `failed`, and the others are scored all the same.
+
+    kept: what `evaluate_alike` found before with one gap seed, by `take(mappers, seed)`; it is handed what is found by
+    `keep(mappers, seed, result)`, so that an evaluation which was stopped goes on.
+    """
     best = site.remember("ceiling", lambda: ceiling(site))
     every = Result(site.name, site.dimension, protocol.gap_diameter_m, list(protocol.gap_seeds), best, protocol=asdict(protocol))
     for group in alike(mappers):
+        found = None
         try:
-            every.add(found := evaluate_alike(group, site, protocol, progress))
+            for seed in protocol.gap_seeds:
+                part = _evaluate_seed(group, site, replace(protocol, gap_seeds=[seed]), progress, kept)
+                found = found.followed_by(part) if found else part
+            every.add(found)
         except Exception as error:
             for name in group:
                 every.failed[name] = f"{type(error).__name__}: {error}"
@@ -204,6 +212,18 @@ def evaluate_all(mappers: dict[str, Mapper], site: Site, protocol: Protocol, pro
             continue
         every.gaps = found.gaps
     return every
+
+
+def _evaluate_seed(mappers: dict[str, Mapper], site: Site, protocol: Protocol, progress, kept) -> Result:
+    (seed,) = protocol.gap_seeds
+    if kept and (before := kept.take(mappers, seed)):
+        if progress:
+            progress(f"{', '.join(mappers)} on {site.name}, gap seed {seed}: scored before")
+        return before
+    found = evaluate_alike(mappers, site, protocol, progress)
+    if kept:
+        kept.keep(mappers, seed, found)
+    return found
 
 
 def alike(mappers: dict[str, Mapper]) -> list[dict[str, Mapper]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 SCHEMA_VERSION = 1
 Scores = dict[str, dict[str, dict[str, dict[str, list[float]]]]]
@@ -39,6 +39,20 @@ class Result:
             getattr(self, name).update(getattr(other, name))
         return self
 
+    def followed_by(self, other: Result) -> Result:
+        """This result with the gap seeds of another evaluation of the same mappers on the same site after its own.
+
+        A mapper that failed with any seed has no scores.
+        """
+        joined = {name: _chained(getattr(self, name), getattr(other, name)) for name in ("scores", "seconds", "maps", "curves")}
+        failed = {**other.failed, **self.failed}
+        for by_mapper in joined.values():
+            for name in failed:
+                by_mapper.pop(name, None)
+        seeds = self.gap_seeds + other.gap_seeds
+        protocol = {**self.protocol, "gap_seeds": seeds}
+        return replace(self, gap_seeds=seeds, gaps=self.gaps + other.gaps, failed=failed, protocol=protocol, **joined)
+
     def plain(self, **about) -> dict:
         """As JSON takes it; `about` adds what made it (config, commit, packages, host, times)."""
         return {
@@ -58,3 +72,12 @@ class Result:
             "curves": self.curves,
             **about,
         }
+
+
+def _chained(first: dict, second: dict) -> dict:
+    """Two trees of the same keys with the lists at their leaves one after the other."""
+    both = {**first, **second}
+    for key in first.keys() & second.keys():
+        one, other = first[key], second[key]
+        both[key] = one + other if isinstance(one, list) else _chained(one, other)
+    return both

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import reduce
 
 import torch
 from joblib import Parallel, delayed
@@ -16,6 +17,7 @@ from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.protocol import alike, evaluate_all
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
+from hilbertvae.training.kept_scores import KeptScores, forget_scores
 from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import check_unseen
@@ -38,20 +40,27 @@ def use_threads(settings: Settings) -> None:
 
 
 def score(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconstructor | None, write: Writer | None) -> None:
-    """Score `mappers` by name on the settings' test sites; `write(result, site, mappers)` gets a `Result` for each."""
+    """Score `mappers` by name on the settings' test sites; `write(result, site, mappers)` gets a `Result` for each.
+
+    A scoring that was stopped goes on after the last mapper and gap seed that were done, if nothing that they depend on has changed.
+    """
     if not mappers:
         return
     use_threads(settings)
     given = give_networks(settings, mappers, reconstructor)
     _learn_weights_anew(settings, given)
+    whole = True
     for reference in settings.data.test:
         site = opened_site(reference, settings)
         if settings.scoring_processes > 1:
             result = _side_by_side(settings, given, reference)
         else:
-            result = evaluate_all(given, site, settings.evaluation, progress=print)
+            result = evaluate_all(given, site, settings.evaluation, print, KeptScores(settings, reference))
         if write:
             write(result, site, given)
+        whole = whole and not result.failed
+    if whole:  # else the mappers that did not fail need not be scored again
+        forget_scores(settings.output)
 
 
 def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
@@ -75,18 +84,23 @@ def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
 
 
 def _side_by_side(settings: Settings, mappers: dict[str, Mapper], reference: str) -> Result:
-    """`evaluate_all` with some mappers at a time. A site is opened once in each process: to send it would take as long."""
-    found = Parallel(n_jobs=settings.scoring_processes)(delayed(_evaluate_some)(settings, reference, group) for group in alike(mappers))
-    every, *others = found
+    """`evaluate_all` with some mappers and seeds at a time. A site is opened once in each process: to send it would take as long."""
+    groups, seeds = alike(mappers), settings.evaluation.gap_seeds
+    parts = Parallel(n_jobs=settings.scoring_processes)(
+        delayed(_evaluate_some)(settings, reference, group, seed) for group in groups for seed in seeds
+    )
+    by_group = [reduce(Result.followed_by, parts[start : start + len(seeds)]) for start in range(0, len(parts), len(seeds))]
+    every, *others = by_group
     for result in others:
         every.add(result)
-        every.gaps = every.gaps or result.gaps
+        every.gaps = every.gaps if len(every.gaps) == len(seeds) else result.gaps
     return every
 
 
-def _evaluate_some(settings: Settings, reference: str, mappers: dict[str, Mapper]) -> Result:
+def _evaluate_some(settings: Settings, reference: str, mappers: dict[str, Mapper], seed: int) -> Result:
     use_threads(settings)
-    return evaluate_all(mappers, opened_site(reference, settings), settings.evaluation, progress=print)
+    protocol = replace(settings.evaluation, gap_seeds=[seed])
+    return evaluate_all(mappers, opened_site(reference, settings), protocol, print, KeptScores(settings, reference))
 
 
 def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconstructor | None) -> dict[str, Mapper]:

@@ -1,0 +1,95 @@
+"""Scores of the seeds that are done, kept until a run has all of them: a scoring that was stopped goes on, as a training does."""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import shutil
+import sys
+from dataclasses import asdict, is_dataclass
+from functools import cache
+from pathlib import Path
+
+import hilbertvae
+from hilbertvae.checks import InputError
+from hilbertvae.files import file_sha256, hash_of
+from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reports.provenance import cpu_name, package_versions
+from hilbertvae.reports.result_json import read_result, write_result
+from hilbertvae.scoring.result import Result
+from hilbertvae.training.settings import Settings
+
+FOLDER = "unfinished"
+LATER = ("reports", "tables", "exports", "commands")
+"""Parts of the package that no score depends on: whoever mends a picture between two runs loses nothing."""
+
+
+class KeptScores:
+    """The place, in a run's folder, of what `evaluate_alike` found on one site with one gap seed.
+
+    Files are named after all that they depend on: the site's contents, the protocol, the mappers with their networks, the code, and the
+    processor, since their seconds stand in one table.
+    """
+
+    def __init__(self, settings: Settings, reference: str):
+        self.folder = Path(settings.output) / FOLDER
+        protocol = asdict(settings.evaluation)
+        del protocol["gap_seeds"]
+        self.made_of = {
+            "protocol": protocol,
+            "site": settings.source().made_of(reference),
+            "resolution_m": settings.resolution_m,
+            "code": _code_hash(),
+            "packages": package_versions(),
+            "machine": [cpu_name(), settings.trainer.threads],
+        }
+
+    def path(self, mappers: dict[str, Mapper], seed: int) -> Path:
+        described = {name: _described(mapper) for name, mapper in mappers.items()}
+        return self.folder / f"{hash_of({**self.made_of, 'mappers': described, 'seed': seed})}.json"
+
+    def take(self, mappers: dict[str, Mapper], seed: int) -> Result | None:
+        """What was kept of these mappers, or None where nothing was, or only a damaged file."""
+        with contextlib.suppress(InputError):
+            return read_result(self.path(mappers, seed))[0]
+        return None
+
+    def keep(self, mappers: dict[str, Mapper], seed: int, result: Result) -> None:
+        write_result(self.path(mappers, seed), result)
+
+
+def forget_scores(output: str | Path) -> None:
+    """Remove what was kept of a run: it has its results."""
+    shutil.rmtree(Path(output) / FOLDER, ignore_errors=True)
+
+
+@cache
+def _code_hash() -> str:
+    package = Path(hilbertvae.__file__).parent
+    files = sorted(path for path in package.rglob("*.py") if path.relative_to(package).parts[0] not in LATER)
+    return hash_of([file.read_text(encoding="utf-8") for file in files])
+
+
+def _described(mapper: Mapper) -> list:
+    """A mapper's class, the source of one that is not ours, and its settings: networks and files by their contents."""
+    kind = type(mapper)
+    # A gap's seed and centres are set again for each seed.
+    parameters = {key: _plain(value) for key, value in mapper.get_params(deep=False).items() if key not in ("seed", "centres")}
+    return [f"{kind.__module__}.{kind.__qualname__}", _foreign_source(kind), parameters]
+
+
+def _foreign_source(kind: type) -> str:
+    if kind.__module__.startswith("hilbertvae."):
+        return ""
+    with contextlib.suppress(OSError, TypeError):  # typed in, as in a notebook
+        return inspect.getsource(sys.modules[kind.__module__])
+    return ""
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Reconstructor):
+        return [value.fingerprint(), value.resolution_m, asdict(value.grid), value.weights]
+    if isinstance(value, str) and Path(value).is_file():
+        return file_sha256(value)
+    return asdict(value) if is_dataclass(value) else value
