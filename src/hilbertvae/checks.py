@@ -53,6 +53,13 @@ def check_seeds(seeds: list[int], name: str) -> None:
         raise InputError(f"{name}: expected one or more different seeds from 0 on, got {seeds}")
 
 
+def check_seed(value: int, name: str) -> int:
+    """`value` as a whole number from 0 on; an `InputError` otherwise."""
+    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 0:
+        raise InputError(f"{name}: expected a whole number from 0, got {value!r}")
+    return int(value)
+
+
 def check_count(value: int, name: str, most: int | None = None) -> int:
     """`value` as a whole number from 1 on, at most `most` where that is given; an `InputError` otherwise."""
     whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)

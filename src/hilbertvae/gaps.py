@@ -20,6 +20,10 @@ HOPELESS = 500
 INSIDE, OUTSIDE, RIM = 1, 0, -1
 
 
+class NoRoom(InputError):
+    """A site from which no gap can be cut."""
+
+
 @dataclass(frozen=True)
 class Gaps:
     """Balls that lie apart. centres: (G, D) metres; radius_m: (G,); resolution_m: the voxels that decide what is inside; share: of the
@@ -132,5 +136,5 @@ def random_gaps(
         count += len(taken)
         centres, radii = np.vstack([centres, centre]), np.append(radii, radius)
     if not len(centres):
-        raise InputError(f"gaps of {diameter_m} m: none fits into this site without removing more than {MOST_SHARE:.0%} of it")
+        raise NoRoom(f"gaps of {diameter_m} m: none fits into this site without removing more than {MOST_SHARE:.0%} of it")
     return Gaps(centres, radii, resolution_m, count / len(cloud), rim)

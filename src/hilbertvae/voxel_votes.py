@@ -21,8 +21,9 @@ BYTES_A_VOXEL = 1000
 
 
 def voxel_index(points: np.ndarray, resolution_m: float) -> np.ndarray:
-    """(N, D) int64: the voxel of each point, on the lattice through the map's origin."""
-    return np.floor(points / resolution_m).astype(np.int64)
+    """(N, D) int64: the voxel of each point, on the lattice through the map's origin; of one beyond all lattices, the least number."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.floor(points / resolution_m).astype(np.int64)
 
 
 @dataclass(frozen=True)

@@ -104,6 +104,12 @@ def test_query_answers_as_the_map_does(mapped, tmp_path, capsys):
     with np.load(tmp_path / "said.npz") as said:
         np.testing.assert_array_equal(said["probability"], expected[:, 0])
         np.testing.assert_array_equal(said["points"], np.loadtxt(tmp_path / "asked.txt"))
+    if place.dimension == 2:  # as other tools write a plan's points: at one height, and no other
+        np.savetxt(tmp_path / "plan.txt", np.column_stack([queries, np.full(40, 0.25)]))
+        assert query_command.main([f"map={output}", f"points={tmp_path / 'plan.txt'}"]) == 0
+        assert capsys.readouterr().out.splitlines() == [head, *lines]
+        np.savetxt(tmp_path / "space.txt", np.column_stack([queries, np.arange(40)]))
+        assert query_command.main([f"map={output}", f"points={tmp_path / 'space.txt'}"]) == 2
 
 
 def test_progress_is_told_by_stage_and_share(room, tmp_path):

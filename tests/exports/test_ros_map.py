@@ -115,3 +115,11 @@ def test_what_does_not_fit_is_refused_and_leaves_nothing(tmp_path):
         with pytest.raises(InputError, match=named):
             write_ros_map(cells, tmp_path / "map.yaml", mode)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [np.float64, np.float32, int])
+def test_a_resolution_of_any_kind_of_number(tmp_path, number):
+    side = number(2)
+    cells = MapCells(np.array([[0, 0], [1, 2]]), side, np.array([0.1, 0.9]), np.zeros(2), np.ones(2, bool))
+    write_ros_map(cells, tmp_path / "map.yaml")
+    assert yaml.safe_load((tmp_path / "map.yaml").read_text())["resolution"] == 2

@@ -98,3 +98,12 @@ def test_boxes_are_completed_in_portions_as_in_one_go(place, monkeypatch, raw):
     else:
         np.testing.assert_array_equal(portions.known_, whole.known_)
         assert reports == [(min(done, count), count) for done in range(2, count + 2, 2)]
+
+
+def test_a_site_too_small_to_cut_gaps_from_leaves_the_network_as_it_is():
+    points, occupied = np.array([[0.0, 1.0], [0.0, 0.5], [0.0, 0.2]]), np.array([True, False, False])
+    network = tiny_reconstructor()
+    with pytest.warns(UserWarning, match="adapt_steps: the site is too small to cut gaps from"):
+        mapper = HilbertMap(network, adapt_steps=2).fit(points, occupied)
+    assert mapper.adapted_ is network
+    np.testing.assert_array_equal(mapper.predict_proba(points), HilbertMap(network).fit(points, occupied).predict_proba(points))

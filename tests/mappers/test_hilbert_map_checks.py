@@ -120,3 +120,14 @@ def test_what_is_refused_or_stopped_leaves_the_map_as_it_was(room, monkeypatch, 
         fresh.partial_fit([[0.0, 0.0], [1e12, 0.0]], [True, False])
     with pytest.raises(NotFittedError):
         fresh.predict_proba(queries)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, "x", None, True, np.random.RandomState(0)])
+def test_a_seed_that_is_no_whole_number(room, seed):
+    with pytest.raises(InputError, match="seed: expected a whole number from 0, got"):
+        fit(HilbertMap(reconstructor(), seed=seed), gapped(room))
+
+
+def test_a_grid_that_is_none(room):
+    with pytest.raises(InputError, match="grid: expected GridSettings or None, got 3"):
+        fit(HilbertMap(grid=3), gapped(room))

@@ -148,3 +148,22 @@ def test_what_cannot_be_saved(tmp_path, room):
     with pytest.raises(ValueError, match="not fitted"):
         save_map(HilbertMap(), tmp_path / "site.map")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_setting_that_was_changed_after_the_fit(room, tmp_path):
+    mapper = fit(HilbertMap(network(2)), room.fit)
+    queries = room.voxels.points[:200]
+    before = mapper.predict_proba(queries), mapper.known(queries), mapper.predict_std(queries)
+    for change in ({"neighbours": mapper.neighbours - 2}, {"calibration": "bogus"}, {"weights": "best"}):
+        kept = {name: getattr(mapper, name) for name in change}
+        mapper.set_params(**change)
+        for found, expected in zip(
+            (mapper.predict_proba(queries), mapper.known(queries), mapper.predict_std(queries)), before, strict=True
+        ):
+            np.testing.assert_array_equal(found, expected)
+        named = "unseen" if "neighbours" in change else next(iter(change))
+        with pytest.raises(InputError, match=f"site.map: a setting was changed after the map was made.*{named}"):
+            save_map(mapper, tmp_path / "site.map")
+        assert not list(tmp_path.iterdir())
+        mapper.set_params(**kept)
+    np.testing.assert_array_equal(load_map(save_map(mapper, tmp_path / "site.map")).predict_proba(queries), before[0])

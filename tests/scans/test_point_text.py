@@ -29,6 +29,8 @@ from hilbertvae.scans.point_text import read_point_text
         ("x,y,z,\r\n1,2,3,\r\n\r\n4,5,6,\r\n", [[1, 2, 3], [4, 5, 6]]),
         ("1;2;3;\n4;5;6\n", [[1, 2, 3], [4, 5, 6]]),
         ("x,y,z\n1,2,3,\n", [[1, 2, 3]]),
+        ("x,y,z,t\n1,2,3,4\n,,,\n , , , \n5,6,7,8\n,,,,\n", [[1, 2, 3], [np.nan] * 3, [np.nan] * 3, [5, 6, 7], [np.nan] * 3]),
+        ("x;y\n;\n", [[np.nan, np.nan]]),
     ],
 )
 def test_tables(tmp_path, text, expected):
@@ -52,6 +54,7 @@ def test_tables(tmp_path, text, expected):
         ("1,5 2,5 3,5\n", "expected numbers, or a first line that names columns"),
         ("a,b,c\n1,2,3\n", "expected numbers, or a first line that names columns x, y"),
         ("x,y,z\n", "expected lines of numbers, found none"),
+        ("x,y,z\n1,,3\n", "can't be read as a text file of points"),
         ("x,y,z\n1,2\n", "can't be read as a text file of points"),
     ],
 )

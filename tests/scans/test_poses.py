@@ -24,6 +24,13 @@ def test_kitti_and_tum_say_the_same(tmp_path):
     np.testing.assert_allclose(read_poses(path), poses, rtol=0, atol=1e-12)
 
 
+def test_times_that_go_back_are_said(tmp_path):
+    path = tmp_path / "poses.txt"
+    path.write_text("1.5 0 0 0 0 0 0 1\n2.5 1 0 0 0 0 0 1\n2 2 0 0 0 0 0 1\n1 3 0 0 0 0 0 1\n")
+    with pytest.warns(UserWarning, match="poses.txt, line 3: its time is before that of the line above"):
+        assert read_poses(path)[:, 0, 3].tolist() == [0, 1, 2, 3]
+
+
 def test_poses_in_the_plane(tmp_path):
     (tmp_path / "poses.txt").write_text("1 2 0.5\n-3 4 -2.5\n")
     expected = [Rotation.from_euler("z", heading).as_matrix() for heading in (0.5, -2.5)]

@@ -168,3 +168,24 @@ def test_a_scan_of_no_bytes_is_left_out(tmp_path, monkeypatch, name, poses):
     with pytest.warns(UserWarning, match="1 of 3 scans have no return"):
         scans = read_scan_folder(tmp_path, poses=poses)
     np.testing.assert_array_equal(scans.scan, [0, 1])
+
+
+@pytest.mark.parametrize("text", ["x,y,z\n", "# of no return\n", "x,y,z\n,,\n"])
+def test_a_table_of_no_rows_is_a_scan_without_returns(tmp_path, text):
+    write_drive(tmp_path, np.full((3, 1, 3), 2.0), np.tile(np.eye(3, 4), (3, 1, 1)), "{}.csv", WRITERS["a.csv"])
+    (tmp_path / "1.csv").write_text(text)
+    with pytest.warns(UserWarning, match="1 of 3 scans have no return"):
+        scans = read_scan_folder(tmp_path)
+    np.testing.assert_array_equal(scans.scan, [0, 1])
+
+
+def test_times_of_several_lengths_are_in_order(tmp_path):
+    times = [1305031102.1753, 1305031102.175804, 1305031102.2, 1305031102.25, 1305031102.300001, 1305031103.0]
+    poses = np.tile(np.eye(3, 4), (len(times), 1, 1))
+    poses[:, 0, 3] = 1000.0 * np.arange(len(times))
+    write_drive(tmp_path, np.full((len(times), 1, 3), 2.0), poses, "{}.csv", WRITERS["a.csv"])
+    for number, time in enumerate(times):
+        (tmp_path / f"{number}.csv").rename(tmp_path / f"{time}.csv")
+    with pytest.warns(UserWarning, match="are read as decimals"):  # with few names it is not sure
+        scans = read_scan_folder(tmp_path)
+    np.testing.assert_allclose(scans.points[:, 0], 2.0 + 1000.0 * np.arange(len(times)))

@@ -104,3 +104,28 @@ def test_a_bad_place_counts_where_it_is_used(place):
     np.testing.assert_array_equal(tree.pose("map", "base", 0), np.eye(4))
     with pytest.raises(InputError, match="transform from lidar to map: expected a place in metres"):
         tree.pose("map", "lidar", 0)
+
+
+class Unset(SimpleNamespace):
+    """As drivers send it before they know."""
+
+    def __init__(self):
+        super().__init__(x=0.0, y=0.0, z=0.0, w=0.0)
+
+
+def test_samples_that_were_never_set_are_left_out():
+    track = PoseTrack("odometry")
+    for stamp in (0, 5, 20):
+        track.add(stamp, xyz((0, 0, 0)), Unset())
+    track.add(10, xyz((1, 0, 0)), xyzw(Rotation.identity()))
+    track.add(30, xyz((3, 0, 0)), xyzw(Rotation.identity()))
+    with pytest.warns(UserWarning, match="odometry: 3 of 5 have a quaternion of zeros and are left out"):
+        assert track.at(20)[0, 3] == 2
+    assert track.at(5) is None and track.at(10)[0, 3] == 1
+
+
+def test_no_sample_that_was_set():
+    track = PoseTrack("odometry")
+    track.add(0, xyz((0, 0, 0)), Unset())
+    with pytest.raises(InputError, match="odometry: expected a place in metres and a unit quaternion"):
+        track.at(0)

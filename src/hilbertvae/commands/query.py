@@ -12,6 +12,7 @@ from hilbertvae.checks import InputError, check_points
 from hilbertvae.commands.keywords import run_command
 from hilbertvae.files import atomic
 from hilbertvae.mappers.saved_map import load_map
+from hilbertvae.mapping import FLAT_M
 from hilbertvae.scans.point_files import read_points
 
 ABOUT = "Ask a map that hilbertvae-map wrote for p(occupied) at any points; one line of text per point."
@@ -38,6 +39,8 @@ def run(settings: QuerySettings) -> None:
         raise InputError(f"output: expected a name that ends in .csv or .npz, got {settings.output}")
     mapper = load_map(Path(settings.map) / "map.safetensors" if Path(settings.map).is_dir() else settings.map)
     points = check_points(read_points(settings.points).points, settings.points)
+    if points.shape[1] == 3 and mapper.n_features_in_ == 2 and np.ptp(points[:, 2]) < FLAT_M:  # as a PLY of a plan has them
+        points = points[:, :2]
     if points.shape[1] != mapper.n_features_in_:
         raise InputError(f"{settings.points}: expected {mapper.n_features_in_} coordinates, as the map has, got {points.shape[1]}")
     answers = {

@@ -37,7 +37,7 @@ class MapCells:
     observed: np.ndarray
 
     def __post_init__(self):
-        check_positive(self.resolution_m, "resolution_m")
+        object.__setattr__(self, "resolution_m", float(check_positive(self.resolution_m, "resolution_m")))
         index = np.asarray(self.index)
         if index.ndim != 2 or index.shape[1] not in (2, 3) or index.dtype.kind not in "iu":
             raise InputError(f"index: expected whole numbers of shape (V, 2) or (V, 3), got {index.dtype} {index.shape}")

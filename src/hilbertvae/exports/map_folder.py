@@ -41,6 +41,8 @@ def _summary(output: Path) -> dict:
 
 def check_writable(output: Path) -> None:
     """An `InputError` where no folder can be made or written, before anything is read."""
+    if output.is_symlink() and not output.exists():
+        raise InputError(f"output: expected a folder, {output} is a link to nothing")
     there = next(folder for folder in (output, *output.resolve().parents) if folder.exists())
     if not there.is_dir():
         raise InputError(f"output: expected a folder, {there} is a file")

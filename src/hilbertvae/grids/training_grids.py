@@ -8,7 +8,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import FREE_POINT_M, Cloud, fit_cloud
-from hilbertvae.gaps import random_gaps
+from hilbertvae.gaps import NoRoom, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, bin_voted, find_frames
 from hilbertvae.occlusions import random_occlusion
 from hilbertvae.scans.scan import Scans
@@ -72,8 +72,10 @@ def gapped_grids(
     cloud: Cloud, resolution_m: float, grid: GridSettings, gap_diameter_m: tuple[float, float], seed: int, detailed: bool, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """(shown, target): int8 grids of one clustering, without and with what gaps removed, as `training_grids` makes them, but of a `cloud`
-    whose scans are not there. `most`: of more clusters than that, so many are drawn."""
+    whose scans are not there. `most`: of more clusters than that, so many are drawn. Raises `NoRoom` for a cloud too small for gaps."""
     cut = random_gaps(cloud, gap_diameter_m, resolution_m, seed).cut(cloud)
+    if not cut.occupied.any():
+        raise NoRoom(f"gaps of {gap_diameter_m} m: leave no occupied point of this site")
     frames = find_frames(cut, grid, seed)
     if len(frames) > most:
         drawn = np.sort(np.random.default_rng([seed, 0x6A9]).permutation(len(frames))[:most])

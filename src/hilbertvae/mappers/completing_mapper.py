@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_count
 from hilbertvae.cloud import Cloud
-from hilbertvae.grids.cluster_grids import PLACES, bin_shown
+from hilbertvae.gaps import NoRoom
+from hilbertvae.grids.cluster_grids import PLACES, GridSettings, bin_shown
 from hilbertvae.grids.frame import Frames
 from hilbertvae.grids.training_grids import gapped_grids
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.mappers.weights import READINGS
+from hilbertvae.mappers.weights import READINGS, check_calibration
 from hilbertvae.reconstruction.adaptation import adapted, batch_size
 from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
@@ -46,6 +48,17 @@ class CompletingMapper(Mapper):
         super().fit_as(other)
         self.rank_weights_ = self._rank_weights()
         return self
+
+    def check_settings(self) -> None:
+        """An `InputError` that names the setting which no map can have."""
+        check_count(self.neighbours, "neighbours")
+        if self.flips_ not in (1, 2, 4, 8):
+            raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips_!r}")
+        if self.weights not in ("unit", "rank", "cluster"):
+            raise InputError(f"weights: expected unit, rank or cluster, got {self.weights!r}")
+        if self.grid is not None and not isinstance(self.grid, GridSettings):
+            raise InputError(f"grid: expected GridSettings or None, got {self.grid!r}")
+        check_calibration(self.calibration)
 
     def _check_network(self, dimension: int) -> None:
         if self.reconstructor is not None and self.reconstructor.dimension != dimension:
@@ -101,17 +114,22 @@ class CompletingMapper(Mapper):
 
     def _adapt(self, cloud: Cloud) -> Reconstructor:
         """The network after `adapt_steps` on gaps that are cut from the cloud for this alone: several clusterings, until each grid is seen
-        about once or there are enough."""
+        about once or there are enough. Of a site too small for gaps it learns nothing, with a warning."""
         network = self.reconstructor if isinstance(self.reconstructor, Reconstructor) else self.reconstructor.found  # a loaded map's
         shown, target = [], []
         wanted = self.adapt_steps * batch_size(network)
         for number in range(MOST_CLUSTERINGS):
             seed = self.seed + 1000 * (number + 1)  # others than those of the map's own clusters
-            pair = gapped_grids(cloud, self.evidence_.resolution_m, self.grid_, CUT_GAPS_M, seed, network.detailed, wanted)
+            try:
+                pair = gapped_grids(cloud, self.evidence_.resolution_m, self.grid_, CUT_GAPS_M, seed, network.detailed, wanted)
+            except NoRoom:
+                continue
             shown.append(pair[0])
             target.append(pair[1])
             wanted -= len(pair[0])
             if wanted <= 0:
                 break
-        shown, target = np.concatenate(shown), np.concatenate(target)
-        return adapted(network, shown, target, self.adapt_steps, self.seed, self.device) if len(shown) else network
+        if not sum(map(len, shown)):
+            warnings.warn("adapt_steps: the site is too small to cut gaps from, and its network stays as it is", stacklevel=4)
+            return network
+        return adapted(network, np.concatenate(shown), np.concatenate(target), self.adapt_steps, self.seed, self.device)

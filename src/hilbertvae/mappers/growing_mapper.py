@@ -72,7 +72,7 @@ class GrowingMapper(CompletingMapper):
         if queries is not None:
             asked = np.zeros(len(self.frames_) + 1, bool)  # the last for queries that fewer boxes hold
             for start in range(0, len(queries), self.chunk):
-                asked[self.index_.holding(queries[start : start + self.chunk], self.neighbours)] = True
+                asked[self.index_.holding(queries[start : start + self.chunk], self.rank_weights_.neighbours)] = True
             wanted = asked[:-1]
         self._growing.settle(self._completed_parts, wanted)
         self.grids_, self.known_ = self._growing.completed.value, self._growing.completed.known  # a pickle's are copies

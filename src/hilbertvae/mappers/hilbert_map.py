@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import expit
 from sklearn.utils.validation import check_is_fitted
 
-from hilbertvae.checks import InputError, check_cell_m, check_count
+from hilbertvae.checks import InputError, check_cell_m
 from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, cloud_clusters, frames_of
@@ -21,7 +21,7 @@ from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
 from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
-from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, RankWeights, check_calibration, fit_cluster_weights, levelled, unit_weights
+from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, RankWeights, fit_cluster_weights, levelled, unit_weights
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 HIDDEN_GAP_M = 2.5
@@ -125,15 +125,6 @@ class HilbertMap(GrowingMapper):
         self.rank_weights_ = self._rank_weights()
         self.small_seeds_ = self._growing = self.adapted_ = None
 
-    def check_settings(self) -> None:
-        """An `InputError` that names the setting which no map can have."""
-        check_count(self.neighbours, "neighbours")
-        if self.flips_ not in (1, 2, 4, 8):
-            raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips_!r}")
-        if self.weights not in ("unit", "rank", "cluster"):
-            raise InputError(f"weights: expected unit, rank or cluster, got {self.weights!r}")
-        check_calibration(self.calibration)
-
     def _rank_weights(self) -> RankWeights:
         learned = self.reconstructor.weights if self.reconstructor else {}
         if self.weights == "unit" or self.calibration not in learned:  # never learned, or raw grids
@@ -170,7 +161,7 @@ class HilbertMap(GrowingMapper):
 
     def _look_up(self, queries, *grids):
         """The boxes that hold each query (Q, K), and the kernel values (Q, K) of each of `grids` there."""
-        holding = self.index_.holding(queries, self.neighbours)
+        holding = self.index_.holding(queries, self.rank_weights_.neighbours)
         return holding, *kernels(list(grids), self.frames_, queries, holding, self.grid_.interpolated)
 
     def _features(self, queries, holding, values):
@@ -233,7 +224,7 @@ class HilbertMap(GrowingMapper):
         return answer_in_chunks(self._known, self._checked(queries), self.chunk)
 
     def _known(self, queries):
-        holding = self.index_.holding(queries, self.neighbours)
+        holding = self.index_.holding(queries, self.rank_weights_.neighbours)
         said = [] if self.known_ is None else kernels([self.known_], self.frames_, queries, holding, self.grid_.interpolated)
         return self._known_or_seen(queries, holding, said)
 

@@ -17,7 +17,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_seed
 
 OCCUPIED_ABOVE = 0.6
 """Occupied if p > 0.6 (paper, section IV)."""
@@ -175,6 +175,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
         return None
 
     def _checked_cloud(self, points, y, sample_weight, first: bool = True):
+        check_seed(getattr(self, "seed", 0), "seed")
         try:
             points, y = validate_data(self, points, y, dtype=np.float64, reset=first)
             check_classification_targets(y)

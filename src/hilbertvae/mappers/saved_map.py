@@ -43,6 +43,11 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
     if not isinstance(mapper, HilbertMap):
         raise InputError(f"{path}: expected a HilbertMap to save, got {type(mapper).__name__}")
     check_is_fitted(mapper)
+    try:
+        mapper.check_settings()
+        _rank_weights(mapper.rank_weights_.plain(), mapper)
+    except InputError as error:
+        raise InputError(f"{path}: a setting was changed after the map was made, so that it could not be read back; {error}") from error
     mapper.settle()
     network = mapper.adapted_ or mapper.reconstructor
     described = {

@@ -53,6 +53,11 @@ class RankWeights:
     level: bool = True
     beyond: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
+    @property
+    def neighbours(self) -> int:
+        """K."""
+        return len(self.unseen) - 1
+
     def grids_alone(self) -> RankWeights:
         """The weights of a map without evidence: the paper's plain sum."""
         return RankWeights(self.everywhere, self.seen, self.everywhere, level=False)

@@ -33,6 +33,10 @@ class FilePoints:
     scan: np.ndarray | None = None
 
 
+class NoRows(InputError):
+    """A sound text file without a single row, as of a scan without returns."""
+
+
 @contextmanager
 def reading(path: Path, kind: str) -> Iterator[None]:
     """Turns whatever goes wrong inside the block into an `InputError` that names the file; `kind` says what was expected."""

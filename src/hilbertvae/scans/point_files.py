@@ -12,7 +12,7 @@ import numpy as np
 from hilbertvae.checks import InputError
 from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.e57 import read_e57
-from hilbertvae.scans.file_points import FilePoints, check_reading
+from hilbertvae.scans.file_points import FilePoints, NoRows, check_reading
 from hilbertvae.scans.las import read_las
 from hilbertvae.scans.npz import read_npz
 from hilbertvae.scans.pcd import read_pcd
@@ -41,14 +41,19 @@ def read_points(path: str | os.PathLike, may_be_empty: bool = False) -> FilePoin
     """The returns of one file, by its extension; an `InputError` for an unknown one.
 
     One for a file without a single return, too, unless it `may_be_empty`, as one of many scans may: then there are no points. Velodyne's
-    and text files of no return have no byte.
+    files of no return have no byte, and text files no row.
     """
     path = Path(path)
     if path.suffix.lower() not in READERS:
         raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {' '.join(READERS)}")
     if may_be_empty and path.suffix.lower() in BARE and path.is_file() and not path.stat().st_size:
         return FilePoints(np.empty((0, 3)))
-    found = READERS[path.suffix.lower()](path)
+    try:
+        found = READERS[path.suffix.lower()](path)
+    except NoRows:
+        if not may_be_empty:
+            raise
+        return FilePoints(np.empty((0, 3)))
     returned = np.isfinite(found.points).all(axis=1)
     if may_be_empty and not returned.any():
         return FilePoints(found.points[:0])

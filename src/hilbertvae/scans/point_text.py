@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.file_points import FilePoints, reading
+from hilbertvae.scans.file_points import FilePoints, NoRows, reading
 
 MAX_LINE = 65536
 """Bytes of the longest first line: a table of points has tens of columns, a foreign file may have no line end at all."""
@@ -33,8 +33,8 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
 
     A first line that is not numbers names the columns: x, y and, in 3D, z are then found by name, whatever stands beside them. So does
     the last comment ahead of the numbers, if it has a word for each column and x and y among them, as numpy and CloudCompare write it.
-    Other lines that start with # or // are passed over. Rows may end in a delimiter. `nan` is a beam without a return. Raises
-    `InputError` for anything else.
+    Other lines that start with # or // are passed over. Rows may end in a delimiter. `nan` is a beam without a return,
+    as is a row of delimiters alone. Raises `InputError` for anything else.
     """
     path = Path(path)
     with reading(path, "a text file of points"), open(path, "rb") as file:
@@ -48,7 +48,7 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
             comment = first or comment
             start, first = file.tell(), b""
         if not first:
-            raise InputError(f"{path}: expected lines of numbers, found none")
+            raise NoRows(f"{path}: expected lines of numbers, found none")
         delimiter = next((mark for mark in (",", ";") if mark.encode() in first), None)
         fields = _fields(first, delimiter)
         columns, coordinates = None, slice(3)
@@ -58,14 +58,22 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
             columns = _named_columns(path, fields)
             start = file.tell()
         file.seek(start)
-        # Spreadsheets end rows with a delimiter, which numpy takes for one more column, and empty.
-        lines = file if delimiter is None else (line.rstrip().removesuffix(delimiter.encode()) for line in file)
+        lines = file if delimiter is None else (_filled(line, delimiter.encode(), len(fields)) for line in file)
         table = number_table(lines, delimiter, columns)
         if not len(table):
-            raise InputError(f"{path}: expected lines of numbers, found none")
+            raise NoRows(f"{path}: expected lines of numbers, found none")
         if table.shape[1] < 2:
             raise InputError(f"{path}: expected 2 or more columns, found {table.shape[1]}")
         return FilePoints(table[:, coordinates])
+
+
+def _filled(line: bytes, delimiter: bytes, columns: int) -> bytes:
+    """A row as numpy takes it. Spreadsheets end rows with a delimiter, which would be one more column, and tables leave NaN empty; a row
+    that is empty in part is a damaged one."""
+    line = line.strip()
+    if line.startswith(delimiter) and not line.strip(delimiter + b" \t"):
+        return delimiter.join([b"nan"] * columns)
+    return line.removesuffix(delimiter)
 
 
 def _fields(line: bytes, delimiter: str | None) -> list[str]:

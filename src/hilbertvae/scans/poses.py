@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +29,10 @@ def read_poses(path: str | os.PathLike) -> np.ndarray:
 
     A line is a 3 x 4 matrix row by row, `t x y z qx qy qz qw`, or `x y heading` with the heading in radians from the x axis; all lines
     are of one kind. Empty lines and those that start with # are passed over. Raises `InputError` with the line's number for anything
-    else, and for a matrix or quaternion that is no rotation.
+    else, and for a matrix or quaternion that is no rotation. Warns where times go back: they are not looked at otherwise.
     """
     path = Path(path)
-    poses, width = [], None
+    poses, width, time, back = [], None, -math.inf, 0
     with reading(path, "poses, 12 numbers a line (or 8, as TUM writes them; or 3, x y heading)"), open(path, "rb") as file:
         for number, line in enumerate(file, start=1):
             fields = line.split()
@@ -49,8 +50,15 @@ def read_poses(path: str | os.PathLike) -> np.ndarray:
             pose = values.reshape(3, 4) if width == 12 else _from_quaternion(where, values) if width == 8 else _in_plane(*values)
             _check(where, pose)
             poses.append(pose)
+            if width == 8:
+                back = back or (number if values[0] < time else 0)
+                time = values[0]
     if not poses:
         raise InputError(f"{path}: expected poses, found none")
+    if back:
+        warnings.warn(
+            f"{path}, line {back}: its time is before that of the line above; poses are those of scans by their place", stacklevel=3
+        )
     return np.array(poses)
 
 

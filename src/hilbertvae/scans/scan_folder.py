@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import warnings
 from collections import Counter
 from collections.abc import Sequence
@@ -16,6 +15,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.file_points import check_reading, named, reading
+from hilbertvae.scans.names_in_order import names_in_order
 from hilbertvae.scans.odometry import FINDING, KISS_ICP, KissOdometry, check_poses_choice
 from hilbertvae.scans.point_files import READERS, read_points
 from hilbertvae.scans.poses import MOST_TILT_DEG, leans, lidar_poses, read_poses
@@ -34,7 +34,7 @@ def read_scan_folder(
     every: int = 1,
     poses: str | None = None,
 ) -> Scans:
-    """The scans of a folder, in the order of their names: a number counts as a number, so 2.pcd stands before 10.pcd.
+    """The scans of a folder, in the order of their names (`names_in_order`): 2.pcd stands before 10.pcd.
 
     Each file is in its sensor's frame, and the pose of the same place in `poses.txt` (see `read_poses`) takes it to the map frame; of
     files of two coordinates, the frame's x and y are kept.
@@ -56,11 +56,7 @@ def scan_files(folder: Path) -> list[Path]:
     if len(kinds) != 1:
         found = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())) or "none"
         raise InputError(f"{folder}: expected scans of one format ({' '.join(READERS)}), found {found}")
-    return sorted(files, key=_by_name)
-
-
-def _by_name(path: Path) -> tuple[list, str]:
-    return [int(part) if part.isdecimal() else part for part in re.split("([0-9]+)", path.name)], path.name
+    return names_in_order(files)
 
 
 def read_posed_scans(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import defaultdict
 
 import numpy as np
@@ -30,7 +31,8 @@ class PoseTrack:
     def at(self, stamp_ns: int) -> np.ndarray | None:
         """(4, 4) at a time: interpolated, places on a line and turns at a constant rate. None before the first sample and after the last.
 
-        A single sample holds at all times. Raises `InputError` where a sample is no rigid motion.
+        A single sample holds at all times. Raises `InputError` where a sample is no rigid motion; those whose quaternion was never set, as
+        drivers send them before they know, are left out with a warning.
         """
         stamps, rows = self._samples()
         if len(stamps) == 1:
@@ -49,6 +51,10 @@ class PoseTrack:
         if self._sorted is None:
             stamps, last = np.unique(np.array(self._stamps[::-1], np.int64), return_index=True)  # of one time, the last that came
             rows = np.array(self._rows[::-1])[last]
+            unset = ~rows[:, 3:].any(axis=1)
+            if unset.any() and not unset.all():
+                warnings.warn(f"{self.name}: {unset.sum()} of {len(rows)} have a quaternion of zeros and are left out", stacklevel=3)
+                stamps, rows = stamps[~unset], rows[~unset]
             with np.errstate(over="ignore", invalid="ignore"):
                 length = np.sqrt(np.square(rows[:, 3:]).sum(axis=1, keepdims=True))
                 sound = (np.abs(length[:, 0] - 1) <= RIGID) & (np.abs(rows[:, :3]) <= FARTHEST_M).all(axis=1)
