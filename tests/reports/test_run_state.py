@@ -6,7 +6,7 @@ from reports_toys import result
 from hilbertvae.checks import InputError
 from hilbertvae.reports.provenance import provenance
 from hilbertvae.reports.result_json import read_result, write_result
-from hilbertvae.reports.run_state import RUN, is_finished, site_folder, write_failure
+from hilbertvae.reports.run_state import RUN, UNFINISHED, is_finished, site_folder, write_failure
 
 IDENTITY = {"training": "abc"}
 
@@ -25,6 +25,12 @@ def test_the_same_settings_are_finished(finished):
     assert not is_finished(folder, ["elsewhere"], IDENTITY)
     assert not is_finished(folder, [found.site, "another"], IDENTITY)
     assert not is_finished(folder, [], IDENTITY)
+
+
+def test_scores_that_are_still_kept_say_that_something_is_to_be_written(finished):
+    folder, found = finished
+    (folder / UNFINISHED).mkdir()
+    assert not is_finished(folder, [found.site], IDENTITY)
 
 
 def test_all_sites_have_to_be_there(finished):

@@ -10,8 +10,10 @@ from training_toys import tiny_settings
 from hilbertvae.mappers.constant import ConstantMapper
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.nearest import NearestMapper
+from hilbertvae.reports.run_state import UNFINISHED
 from hilbertvae.scoring.protocol import Protocol, evaluate_all
-from hilbertvae.training.kept_scores import FOLDER, KeptScores
+from hilbertvae.training import kept_scores
+from hilbertvae.training.kept_scores import KeptScores
 from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.scoring import score
 from hilbertvae.training.settings import DataSettings
@@ -60,7 +62,7 @@ def stopped_at(settings, seed: int, **changes) -> list:
 
 
 def files(settings) -> list:
-    return sorted((Path(settings.output) / FOLDER).glob("*"))
+    return sorted((Path(settings.output) / UNFINISHED).glob("*"))
 
 
 def test_it_goes_on_after_the_last_seed_and_finds_the_same(settings, capsys):
@@ -109,19 +111,24 @@ def test_a_damaged_file_is_scored_anew(settings):
 
 
 def test_processes_keep_and_take_the_same(settings):
-    stopped_at(settings, 2)
     settings.scoring_processes = 2
-    names = {file.name for file in files(settings)}
+    with pytest.raises(KeyboardInterrupt):  # as if stopped while pictures are drawn
+        score(settings, mappers(), None, _stop)
+    assert len(files(settings)) == 6
     kept = KeptScores(settings, settings.data.test[0])
+    kept.path({"late": Stopped()}, 2).unlink()
     for file in files(settings):  # marked, so that it can be told whose they are
         content = json.loads(file.read_text())
         content["scores"] = {name: _all_set(tree, 0.125) for name, tree in content["scores"].items()}
         file.write_text(json.dumps(content))
-    assert {kept.path({"late": Stopped()}, seed).name for seed in (0, 1)} < names
     (result,) = stopped_at(settings, -1)
     found = np.array(result.scores["late"]["points"]["gaps"]["auc"])
     assert (found[:2] == 0.125).all() and found[2] != 0.125
     assert result.scores["early"]["voxels"]["gaps"]["auc"] == [0.125] * 3
+
+
+def _stop(*_):
+    raise KeyboardInterrupt
 
 
 def _all_set(tree, value):
@@ -139,3 +146,43 @@ def test_a_mapper_that_failed_leaves_the_others_to_take(settings):
     Stopped.fits = 0
     score(settings, {"late": Stopped()}, None, None)
     assert Stopped.fits == 0 and not files(settings)
+
+
+@pytest.mark.parametrize("wrong", [{"scores": {}}, {"gap_seeds": [1]}])
+def test_a_file_that_says_something_else_is_scored_anew(settings, wrong):
+    whole = evaluate_all(mappers(), opened_site(settings.data.test[0], settings), settings.evaluation)
+    stopped_at(settings, 2)
+    for file in files(settings):
+        file.write_text(json.dumps(json.loads(file.read_text()) | wrong))
+    (result,) = stopped_at(settings, -1)
+    assert result.scores == whole.scores
+
+
+def test_code_that_was_edited_while_a_run_went_on(settings, monkeypatch):
+    """What a run keeps is marked by the code that it loaded, not by what lies on the disk by then."""
+    before = KeptScores(settings, settings.data.test[0]).path(mappers(), 0)
+    monkeypatch.setattr(kept_scores, "_code_hash", lambda: "edited")
+    assert KeptScores(settings, settings.data.test[0]).path(mappers(), 0) == before
+    monkeypatch.setattr(kept_scores, "CODE", "edited")
+    assert KeptScores(settings, settings.data.test[0]).path(mappers(), 0) != before
+
+
+def test_two_sites_of_the_same_scans(settings, tmp_path):
+    site = opened_site(settings.data.test[0], settings)
+    for name in ("monday.npz", "tuesday.npz"):
+        scans = site.scans
+        np.savez(tmp_path / name, points=scans.points, origins=scans.origins, scan=scans.scan)
+    settings.data.test = [str(tmp_path / "monday.npz"), str(tmp_path / "tuesday.npz")]
+    written: list = []
+    score(settings, mappers(), None, lambda result, *_: written.append(result))
+    assert [result.site for result in written] == ["monday.npz", "tuesday.npz"] and not any(result.failed for result in written)
+    assert written[0].scores == written[1].scores
+
+
+def test_scores_that_can_not_be_kept_are_scores_all_the_same(settings):
+    Path(settings.output).mkdir(parents=True)
+    (Path(settings.output) / UNFINISHED).write_text("in the way")
+    written: list = []
+    with pytest.warns(UserWarning, match="scores can't be kept, so that a run which is stopped starts anew"):
+        score(settings, mappers(), None, lambda result, *_: written.append(result))
+    assert not written[0].failed and len(written[0].scores["late"]["points"]["gaps"]["auc"]) == 3

@@ -13,6 +13,9 @@ from hilbertvae.scoring.result import Result
 RUN = "run"
 """In the place of a mapper's name, in `failed`: the run broke, and not one mapper."""
 
+UNFINISHED = "unfinished"
+"""The folder, in a run's own, of scores that are kept until it has written everything."""
+
 
 def site_folder(folder: Path, site: str, first: bool) -> Path:
     """Where a site's result lies: the first one's in the run's folder itself, any other's in a folder of the site's name."""
@@ -20,7 +23,10 @@ def site_folder(folder: Path, site: str, first: bool) -> Path:
 
 
 def is_finished(folder: str | Path, sites: list[str], identity: dict) -> bool:
-    """Whether each of `sites`, by name, has a result of the same settings, data and version in which no mapper failed."""
+    """Whether each of `sites`, by name, has a result of the same settings, data and version in which no mapper failed, and nothing is left
+    to be written."""
+    if (Path(folder) / UNFINISHED).exists():
+        return False
     for number, site in enumerate(sites):
         path = site_folder(Path(folder), site, first=not number) / "result.json"
         try:

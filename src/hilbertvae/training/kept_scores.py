@@ -6,9 +6,11 @@ import contextlib
 import inspect
 import shutil
 import sys
+import warnings
 from dataclasses import asdict, is_dataclass
-from functools import cache
 from pathlib import Path
+
+import torch
 
 import hilbertvae
 from hilbertvae.checks import InputError
@@ -17,10 +19,11 @@ from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.provenance import cpu_name, package_versions
 from hilbertvae.reports.result_json import read_result, write_result
+from hilbertvae.reports.run_state import UNFINISHED
 from hilbertvae.scoring.result import Result
+from hilbertvae.site import site_name
 from hilbertvae.training.settings import Settings
 
-FOLDER = "unfinished"
 LATER = ("reports", "tables", "exports", "commands")
 """Parts of the package that no score depends on: whoever mends a picture between two runs loses nothing."""
 
@@ -28,21 +31,22 @@ LATER = ("reports", "tables", "exports", "commands")
 class KeptScores:
     """The place, in a run's folder, of what `evaluate_alike` found on one site with one gap seed.
 
-    Files are named after all that they depend on: the site's contents, the protocol, the mappers with their networks, the code, and the
-    processor, since their seconds stand in one table.
+    Files are named after all that they depend on: the site with its contents, the protocol, the mappers with their networks, the code, and
+    what computes beside what on which processor, since their seconds stand in one table.
     """
 
     def __init__(self, settings: Settings, reference: str):
-        self.folder = Path(settings.output) / FOLDER
+        self.folder = Path(settings.output) / UNFINISHED
         protocol = asdict(settings.evaluation)
         del protocol["gap_seeds"]
         self.made_of = {
             "protocol": protocol,
+            "name": site_name(reference),
             "site": settings.source().made_of(reference),
             "resolution_m": settings.resolution_m,
-            "code": _code_hash(),
+            "code": CODE,
             "packages": package_versions(),
-            "machine": [cpu_name(), settings.trainer.threads],
+            "machine": [cpu_name(), torch.get_num_threads(), settings.scoring_processes],
         }
 
     def path(self, mappers: dict[str, Mapper], seed: int) -> Path:
@@ -52,23 +56,32 @@ class KeptScores:
     def take(self, mappers: dict[str, Mapper], seed: int) -> Result | None:
         """What was kept of these mappers, or None where nothing was, or only a damaged file."""
         with contextlib.suppress(InputError):
-            return read_result(self.path(mappers, seed))[0]
+            found = read_result(self.path(mappers, seed))[0]
+            if found.gap_seeds == [seed] and found.scores.keys() == mappers.keys():
+                return found
         return None
 
     def keep(self, mappers: dict[str, Mapper], seed: int, result: Result) -> None:
-        write_result(self.path(mappers, seed), result)
+        """A run whose scores can't be kept, on a full disk, still has them; that it could not go on is said."""
+        try:
+            write_result(self.path(mappers, seed), result)
+        except OSError as error:
+            warnings.warn(f"{self.folder}: scores can't be kept, so that a run which is stopped starts anew ({error})", stacklevel=3)
 
 
 def forget_scores(output: str | Path) -> None:
     """Remove what was kept of a run: it has its results."""
-    shutil.rmtree(Path(output) / FOLDER, ignore_errors=True)
+    shutil.rmtree(Path(output) / UNFINISHED, ignore_errors=True)
 
 
-@cache
 def _code_hash() -> str:
     package = Path(hilbertvae.__file__).parent
     files = sorted(path for path in package.rglob("*.py") if path.relative_to(package).parts[0] not in LATER)
     return hash_of([file.read_text(encoding="utf-8") for file in files])
+
+
+CODE = _code_hash()
+"""As it was when it was loaded: it may be edited while a network trains."""
 
 
 def _described(mapper: Mapper) -> list:
