@@ -24,6 +24,8 @@ def ordered(names):
         ["scan_-2.bin", "scan_-1.bin", "scan_0.bin", "scan_1.bin"],
         ["-10.xyz", "-2.xyz", "7.xyz"],
         ["scan-1.bin", "scan-2.bin", "scan-10.bin"],
+        ["scan--1.bin", "scan--2.bin", "scan--10.bin"],
+        ["kitchen -1.bin", "kitchen -2.bin", "kitchen -10.bin"],
         ["2026-9-30.las", "2026-11-2.las", "2026-11-20.las"],
         ["2026.9.30.las", "2026.11.2.las", "2026.11.20.las"],
         ["9.09.csv", "9.5.csv", "9.75.csv", "10.0.csv"],

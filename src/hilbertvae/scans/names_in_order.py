@@ -7,13 +7,12 @@ import warnings
 from decimal import Decimal
 from pathlib import Path
 
-SIGN = "(?:(?<![0-9A-Za-z])-)?"
-"""A minus sign stands after a separator, as in scan_-2; in scan-2 and 2026-11-20 it is one."""
 START, END = r"(?<![0-9])(?<![0-9]\.)", r"(?![0-9])(?!\.[0-9])"
 """Of what may be a decimal number; 2026.11.20 is none."""
+WHOLE, DECIMAL = "[0-9]+", rf"{START}[0-9]+\.[0-9]+{END}|[0-9]+"
 FRACTION = re.compile(rf"{START}[0-9]+\.([0-9]+){END}")
-DECIMAL = re.compile(rf"({SIGN}(?:{START}[0-9]+\.[0-9]+{END}|[0-9]+))")
-WHOLE = re.compile(f"({SIGN}[0-9]+)")
+MINUS = re.compile("(?<![0-9A-Za-z-])-(?=[0-9])")
+"""As in scan_-2, and not in scan-2, scan--2 and 2026-11-20. Where all names have it, it stands between words."""
 
 
 def names_in_order(files: list[Path]) -> list[Path]:
@@ -23,7 +22,9 @@ def names_in_order(files: list[Path]) -> list[Path]:
     the digits after the point begin and end tells which, where some names have more of them than others: a count has no 0 ahead, and a
     decimal lost those at its end. Warns where names leave that open.
     """
-    numbers = DECIMAL if _are_decimals(files) else WHOLE
+    number = DECIMAL if _are_decimals(files) else WHOLE
+    signed = not all(MINUS.search(path.stem) for path in files)
+    numbers = re.compile(f"((?:{MINUS.pattern})?(?:{number}))" if signed else f"({number})")
     return sorted(files, key=lambda path: (_parts(path.stem, numbers), path.name))
 
 
