@@ -30,6 +30,15 @@ CASES = sorted((path.parent.name, path.stem) for path in (SWEEPS / "cases").glob
 TRAIN = [sys.executable, "-m", "hilbertvae.train"]
 
 
+def test_the_help_names_the_command_and_every_sweep(tmp_path):
+    said = subprocess.run([*TRAIN, "--help"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True).stdout
+    first, *lines = said.splitlines()
+    assert first.startswith("hilbertvae-train: ")
+    (named,) = (line for line in lines if "+sweep=" in line)
+    assert sorted(re.findall(r"\w+", named.split("+sweep=")[1].replace("also", ""))) == NAMES
+    assert not list(tmp_path.iterdir())
+
+
 def settings_of(*overrides: str):
     with initialize_config_dir(str(CONF), version_base="1.3"):
         return to_settings(compose("config", overrides=list(overrides)))
