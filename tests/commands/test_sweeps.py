@@ -17,6 +17,7 @@ from hilbertvae.clusters.starts import STARTS
 from hilbertvae.commands.table import main as table
 from hilbertvae.commands.train import CONF, SWEEPS, run, to_settings
 from hilbertvae.reports.result_json import read_result
+from hilbertvae.reports.run_state import UNFINISHED
 from hilbertvae.training.train import kept_name
 
 pytest.importorskip("embreex")
@@ -139,7 +140,8 @@ class TestASweepSurvives:
         with open(tmp_path / "log", "w") as log:
             started = subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log, env=environment(), start_new_session=True)
             until = time.monotonic() + 120
-            while not (folder / "default-seed0/result.json").exists():
+            # Its result stands before its pictures and TensorBoard do; a job that is killed between them is not finished.
+            while not (folder / "default-seed0/result.json").exists() or (folder / "default-seed0" / UNFINISHED).exists():
                 assert started.poll() is None and time.monotonic() < until, (tmp_path / "log").read_text()
                 time.sleep(0.05)
             os.killpg(started.pid, signal.SIGKILL)
