@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.carmen import beam_step_deg, read_carmen
+from hilbertvae.scans.carmen import read_carmen
+from hilbertvae.scans.carmen_messages import beam_step_deg
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from toy_rooms import carmen_line, write_log
 
@@ -145,7 +146,7 @@ FOREIGN = {
 def test_a_foreign_file(tmp_path, content):
     path = tmp_path / "foreign.log"
     path.write_bytes(content)
-    with pytest.raises(InputError, match="foreign.log: expected a CARMEN log with FLASER lines, found none"):
+    with pytest.raises(InputError, match="foreign.log: expected a CARMEN log with FLASER or ROBOTLASER1 lines, found none"):
         read_carmen(path)
 
 
@@ -154,9 +155,9 @@ def test_a_foreign_file(tmp_path, content):
     [
         ("FLASER 180 1.0 2.0 0 0 0\n", "line 3: truncated; 180 ranges and a pose claimed, 5 numbers found"),
         ("FLASER 3 1.0 2.0 3.0 0.5 0.5\n", "line 3: truncated"),
-        ("FLASER 1000000000 1.0 0 0 0\n", "line 3: expected 1 to 4096 ranges, the line claims 1000000000"),
+        ("FLASER 1000000000 1.0 0 0 0\n", "line 3: expected at most 4096 ranges, the line claims 1000000000"),
         (f"FLASER {'9' * 5000} 1.0 0 0 0\n", "line 3: expected"),
-        ("FLASER 0 1.0 0 0 0\n", "line 3: expected 1 to 4096 ranges"),
+        ("FLASER 0 1.0 0 0 0\n", "expected ranges below 30.0 m, found none in 1 scans"),
         ("FLASER -3 1.0 0 0 0\n", "line 3: expected 'FLASER <number of ranges>"),
         ("FLASER \n", "line 3: expected 'FLASER <number of ranges>"),
         ("FLASER 1 one 0 0 0 \n", "line 3: expected numbers"),

@@ -57,7 +57,7 @@ def test_single_files(tmp_path):
 
 def test_unknown_and_missing_paths(tmp_path):
     (tmp_path / "a.abc").write_bytes(b"?")
-    with pytest.raises(InputError, match=r"a.abc: unknown extension '.abc'; known are .log .log.gz .bag .mcap .* and folders"):
+    with pytest.raises(InputError, match=r"a.abc: unknown extension '.abc'; known are .log .log.gz .clf .clf.gz .bag .mcap .* and folders"):
         read_scans_path(tmp_path / "a.abc")
     for name in ("nowhere", "nowhere.abc", "nowhere.ply", "nowhere.log"):
         with pytest.raises(InputError, match=f"{name}: no such file"):

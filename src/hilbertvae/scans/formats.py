@@ -17,7 +17,7 @@ from hilbertvae.scans.point_files import READERS, read_point_file
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_folder import read_scan_folder
 
-CARMEN = (".log", ".log.gz")
+CARMEN = (".log", ".log.gz", ".clf", ".clf.gz")
 EXTENSIONS = (*CARMEN, *BAG_FILES, *READERS)
 
 

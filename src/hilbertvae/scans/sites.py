@@ -19,7 +19,8 @@ import pooch
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import path_sha256
-from hilbertvae.scans.carmen import beam_step_deg, read_carmen
+from hilbertvae.scans.carmen import read_carmen
+from hilbertvae.scans.carmen_messages import beam_step_deg
 from hilbertvae.scans.kitti import read_kitti
 from hilbertvae.scans.scan import Scans
 
