@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
+from narrow_networks import narrowed
 
 from hilbertvae.commands.map import main as map_scans
 from hilbertvae.commands.query import main as query
@@ -56,7 +57,7 @@ def test_command(command, tmp_path, checkpoint):
         (made,) = (tmp_path / "outputs/debug").iterdir()
         assert table([str(made)]) == 0 and (made / "table.md").is_file()
         return
-    found = run_fast(tmp_path, *(word for word in words if word != "debug=fast"), "mapper=[cvae-hm,nearest]")
+    found = run_fast(tmp_path, *narrowed(*(word for word in words if word != "debug=fast"), "mapper=[cvae-hm,nearest]"))
     assert (found / "result.json").is_file()
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_dir
+from narrow_networks import narrowed
 
 from hilbertvae.clusters.starts import STARTS
 from hilbertvae.commands.table import main as table
@@ -49,15 +50,6 @@ def size_of(sweep: str, case: str) -> str:
     return "full" if sweep.startswith("table") and case.endswith("-full") else "quick"
 
 
-def narrow(sweep: str, case: str) -> list[str]:
-    """What is large is for a GPU; a CPU sees that it runs."""
-    if size_of(sweep, case) == "quick" or case.startswith(("baselines", "random-features")):
-        return []
-    if "paper" in case:
-        return ["network.channels=[4,8,8,8]", "network.kernels=[3,3,3,3]", "grid.cells=16"]
-    return [f"network.channels={[8] * (4 if sweep == 'table1' else 2)}"]
-
-
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory) -> list[str]:
     """Grids and networks that the jobs of this module share, as those of a sweep do."""
@@ -68,8 +60,8 @@ def shared(tmp_path_factory) -> list[str]:
 class TestEveryYaml:
     @pytest.mark.parametrize(("sweep", "case"), [case for case in CASES if case[0] not in RUN_ELSEWHERE or size_of(*case) == "full"])
     def test_case_runs(self, sweep, case, tmp_path, shared):
-        chosen = [f"sweep={sweep}", f"cases/{sweep}={case}", f"size={size_of(sweep, case)}", "debug=fast", *narrow(sweep, case)]
-        settings = settings_of(*chosen, "evaluation.occlusion=false", f"output={tmp_path / 'run'}", *shared)
+        chosen = [f"sweep={sweep}", f"cases/{sweep}={case}", f"size={size_of(sweep, case)}", "debug=fast"]
+        settings = settings_of(*narrowed(*chosen), "evaluation.occlusion=false", f"output={tmp_path / 'run'}", *shared)
         assert run(settings) == 0
         _, about = read_result(tmp_path / "run/result.json")
         assert about["config"]["case"] == settings.case != ""
