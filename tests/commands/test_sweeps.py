@@ -183,6 +183,14 @@ class TestASweepSurvives:
         done = multirun(tmp_path, "cases/ablation=default", "validation_gap_m=1.5,2.5")
         assert done.returncode == 2 and "a folder for each job, got several in default-seed0" in done.stderr
         assert not list(tmp_path.glob("**/result.json"))
+        named = re.search(r"add '(hydra.sweep.subdir=.*)'", done.stderr)[1]
+        assert named == "hydra.sweep.subdir=validation_gap_m-${validation_gap_m}"
+        cases = ["validation_gap_m=1.5,2.5", "network=gated,gated_cae", "mapper=[nearest]", "evaluation.occlusion=false"]
+        many = subprocess.run([*TRAIN, "-m", "debug=fast", *cases], cwd=tmp_path, capture_output=True, text=True, check=False)
+        named = re.search(r"add '(hydra.sweep.subdir=.*)'", many.stderr)[1]
+        subprocess.run([*TRAIN, "-m", "debug=fast", *cases, named], cwd=tmp_path, capture_output=True, check=True)
+        folders = {path.parent.name for path in tmp_path.glob("outputs/debug/run/*/result.json")}
+        assert folders == {f"validation_gap_m-{gap}_network-{kind}" for gap in (1.5, 2.5) for kind in ("gated", "gated_cae")}
 
     def test_stopped_half_way_a_job_has_no_result_of_other_settings(self, tmp_path, monkeypatch):
         settings = settings_of("debug=fast", "mapper=[nearest]")

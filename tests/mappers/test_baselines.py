@@ -198,3 +198,13 @@ def test_the_greater_label_means_occupied(labels):
     mapper = NearestMapper().fit(points, np.array(labels)[occupied.astype(int)])
     np.testing.assert_array_equal(mapper.predict_proba(points)[:, 1], occupied)
     assert set(mapper.predict(points)) == set(labels)
+
+
+@pytest.mark.parametrize("mapper", BASELINES, ids=IDS)
+def test_the_farthest_queries_are_answered(mapper, room):
+    """Squares of such lengths are no numbers."""
+    far = np.array([[1e154, 0.0], [-1e300, 1e300], [1e90, 0.0]])
+    fitted = clone(mapper).fit(room.fit.points[::5], room.fit.occupied[::5])
+    answers = fitted.predict_proba(far)
+    assert np.isfinite(answers).all()
+    np.testing.assert_array_equal(fitted.predict_proba(far[1:2]), answers[1:2])

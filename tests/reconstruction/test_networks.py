@@ -3,6 +3,7 @@ from dataclasses import asdict
 import pytest
 
 from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSettings
 from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
 from hilbertvae.reconstruction.networks import build_network, network_settings
 from hilbertvae.reconstruction.paper_network import PaperNetwork, PaperNetworkSettings
@@ -24,6 +25,26 @@ def test_settings_make_their_network_and_survive_as_plain_values(settings, netwo
 def test_unknown_kinds_are_named(values):
     with pytest.raises(InputError, match="network.kind: expected one of gated, conditional, paper, got"):
         network_settings(values)
+
+
+@pytest.mark.parametrize("kind", [GatedNetworkSettings, ConditionalNetworkSettings, PaperNetworkSettings])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"latent": 0}, "network.latent: expected a whole number of at least 1, got 0"),
+        ({"dropout": 1.0}, "network.dropout: expected a share from 0 on and below 1, got 1.0"),
+        ({"dropout": float("nan")}, "network.dropout: expected a share"),
+        ({"channels": [0, 8, 8, 8]}, "network.channels.0.: expected a whole number of at least 1, got 0"),
+    ],
+)
+def test_numbers_that_make_no_network_are_named(kind, change, message):
+    with pytest.raises(InputError, match=message):
+        build_network(kind(**change), 2, 64)
+
+
+def test_a_stem_of_no_cells_is_named():
+    with pytest.raises(InputError, match="network.stem: expected a whole number of at least 1, got 0"):
+        build_network(GatedNetworkSettings(stem=0), 2, 64)
 
 
 def test_a_kind_that_is_not_that_of_its_settings_is_named():

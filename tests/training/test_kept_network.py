@@ -120,6 +120,19 @@ class TestWeightsLearnedAnew:
         mapper = self.scored(*first, neighbours=neighbours)
         assert {len(weights["unseen"]) for weights in mapper.reconstructor.weights.values()} == {neighbours + 1}
 
+    def test_a_site_that_the_network_knows_teaches_no_weights(self, first, tmp_path):
+        settings, path = first
+        network = Reconstructor.load(path)
+        network.card["trained_on"] = [settings.data.validate]
+        with pytest.raises(InputError, match=f"data.validate: {settings.data.validate} is among what the network whose weights"):
+            self.scored(settings, network.save(tmp_path / "leak.safetensors"), neighbours=1)
+
+    def test_another_site_than_the_network_s_own_is_said(self, first):
+        settings, path = first
+        other = replace(settings, data=replace(settings.data, validate="simulated:900003"))
+        with pytest.warns(UserWarning, match="data.validate: weights are learned anew on simulated:900003, the network's own were"):
+            self.scored(other, path, neighbours=1)
+
     def test_grids_farther_apart_are_fewer_and_weighed_on_their_own(self, first):
         farther = first[0].grid.cluster_diameter_m / 2
         usual, sparse = self.scored(*first), self.scored(*first, inner_radius_m=farther)

@@ -1,5 +1,6 @@
 import json
 import shutil
+import time
 from dataclasses import replace
 
 import joblib
@@ -19,6 +20,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
 from hilbertvae.mappers.nearest import NearestMapper  # noqa: E402
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
+from hilbertvae.training.hilbert_map_callback import HilbertMapCallback  # noqa: E402
 from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
 from hilbertvae.training.settings import training_hash  # noqa: E402
 from hilbertvae.training.train import _precision, train  # noqa: E402
@@ -120,6 +122,23 @@ def test_an_interrupted_run_goes_on_from_its_last_epoch_not_from_its_best(finish
     assert steps == [8, 9, 10, 11]
     assert Reconstructor.load(path).card["epoch"] == 0
     assert_same(path, train(replace(settings, output=str(tmp_path / "whole"))))
+
+
+def test_seconds_of_a_run_are_those_of_all_its_starts(finished, tmp_path, monkeypatch):
+    settings = replace(finished[0], output=str(tmp_path / "twice"))
+    slow = ReconstructionModule.training_step
+    with monkeypatch.context() as patched:
+        patched.setattr(ReconstructionModule, "training_step", lambda self, *rest: time.sleep(0.2) or slow(self, *rest))
+        stop_at(patched, 4, RuntimeError("gone"))  # the second epoch's first step
+        with pytest.raises(RuntimeError):
+            train(settings)
+    resumed = []
+    after = HilbertMapCallback.on_fit_end
+    monkeypatch.setattr(HilbertMapCallback, "on_fit_end", lambda self, *rest: (after(self, *rest), resumed.append(dict(self.seconds)))[0])
+    train(settings)
+    train(settings)  # nothing is left to do
+    assert resumed[0]["train"] >= 4 * 0.2  # of the first epoch
+    assert resumed[1]["train"] >= resumed[0]["train"] and resumed[1]["grids"] >= resumed[0]["grids"]
 
 
 def test_another_seed_gives_another_network(finished, tmp_path):

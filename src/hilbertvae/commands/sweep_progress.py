@@ -36,7 +36,8 @@ class SweepProgress(Callback):
         folder, jobs = Path(config.hydra.sweep.dir), job_folders(config)
         if shared := [name for name, times in Counter(jobs).items() if times > 1]:
             # Hydra goes on after any other exception of a callback, and these jobs would overwrite each other's results.
-            print(f"hydra.sweep.subdir: expected a folder for each job, got several in {', '.join(shared)}", file=sys.stderr)
+            several = f"expected a folder for each job, got several in {', '.join(shared)}"
+            print(f"hydra.sweep.subdir: {several}; add {telling_subdir(config)}", file=sys.stderr)
             sys.exit(2)
         sweep = OmegaConf.select(config, "hydra.runtime.choices.sweep")
         if sweep:  # any other multirun may be of anything; hilbertvae-table is told what with --sweep
@@ -66,21 +67,37 @@ def say_how_it_ended(folder: Path, jobs: list[str]) -> None:
 
 def job_folders(config: DictConfig) -> list[str]:
     """The names of the folders of a multirun's jobs, in their order, as Hydra's own sweeper makes them."""
-    loader = GlobalHydra.instance().config_loader()
+    folders = []
+    for number, words in enumerate(job_overrides(config)):
+        job = GlobalHydra.instance().config_loader().load_sweep_config(config, words)
+        OmegaConf.set_readonly(job, False)
+        job.hydra.job.num = number
+        job.hydra.job.id = str(number)
+        HydraConfig.instance().set_config(job)  # `${hydra:...}` in the name of a folder asks there; each job sets its own later
+        folders.append(job.hydra.sweep.subdir)
+    return folders
+
+
+def job_overrides(config: DictConfig) -> list[list[str]]:
+    """The overrides of each job of a multirun, in their order."""
     given = list(config.hydra.overrides.task)
     keys = {word.split("=", 1)[0] for word in given}
     words = [f"{key}={value}" for key, value in (config.hydra.sweeper.params or {}).items() if key not in keys] + given
-    overrides = OverridesParser.create(config_loader=loader).parse_overrides(words)
-    folders = []
-    for batch in BasicSweeper.split_arguments(overrides, max_batch_size=None):
-        for number, words in enumerate(batch):
-            job = loader.load_sweep_config(config, list(words))
-            OmegaConf.set_readonly(job, False)
-            job.hydra.job.num = number
-            job.hydra.job.id = str(number)
-            HydraConfig.instance().set_config(job)  # `${hydra:...}` in the name of a folder asks there; each job sets its own later
-            folders.append(job.hydra.sweep.subdir)
-    return folders
+    overrides = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader()).parse_overrides(words)
+    return [list(words) for batch in BasicSweeper.split_arguments(overrides, max_batch_size=None) for words in batch]
+
+
+def telling_subdir(config: DictConfig) -> str:
+    """An override that names each job's folder after what varies from job to job."""
+    values: dict[str, set[str]] = {}
+    for words in job_overrides(config):
+        for key, _, value in (word.lstrip("+").partition("=") for word in words):
+            values.setdefault(key, set()).add(value)
+    groups = GlobalHydra.instance().config_loader().list_groups("")
+    parts = []
+    for key in (key for key, found in values.items() if len(found) > 1):
+        parts.append(f"{key.rpartition('.')[2]}-${{{f'hydra:runtime.choices.{key}' if key in groups else key}}}")
+    return f"'hydra.sweep.subdir={'_'.join(parts)}'"
 
 
 def what_failed(folder: Path) -> str | None:

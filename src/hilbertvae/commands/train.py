@@ -29,7 +29,7 @@ from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reports.run_state import forget, is_finished, write_failure
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.site import open_site, site_name
-from hilbertvae.training.settings import Settings, training_hash
+from hilbertvae.training.settings import TRAINED, Settings, training_hash
 
 PACKAGE = Path(hilbertvae.__file__).parent
 # The wheel carries the folders inside the package; a checkout has them at the top.
@@ -40,9 +40,15 @@ JOB = "HILBERTVAE_JOB"
 """Where a job of a multirun tells the other processes of its distributed training what it is: Lightning starts them with the words of
 the whole multirun, of which they would do every job."""
 
+OF_A_NETWORK = ("network", "grid", "start", "likelihood")
+"""Settings that lie in the file of a network."""
+
 store = ConfigStore.instance()
-# The network is missing there, so that a choice of another kind meets no default of this one.
-store.store(name="settings_schema", node=Settings(network=MISSING))
+# The network is missing there, so that a choice of another kind meets no default of this one; and the voxels are those of the dimension
+# that will be chosen, which is 2 only as long as nobody says otherwise.
+SCHEMA = Settings(network=MISSING)
+SCHEMA.resolution_m = None
+store.store(name="settings_schema", node=SCHEMA)
 store.store(group="network", name="gated_schema", node=GatedNetworkSettings)
 store.store(group="network", name="conditional_schema", node=ConditionalNetworkSettings)
 store.store(group="network", name="paper_schema", node=PaperNetworkSettings)
@@ -64,6 +70,17 @@ def _refuse_unknown(node: object, path: str) -> None:
             raise InputError(f"{path}{name}: unknown key; expected one of {', '.join(sorted(known))}")
         if is_dataclass(value):
             _refuse_unknown(value, f"{path}{name}.")
+
+
+def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
+    """An `InputError` for a setting, typed beside a `checkpoint`, of what that network brings with it: nothing would come of it."""
+    if settings.checkpoint is None:
+        return
+    for word in overrides:
+        key = word.lstrip("+~").partition("=")[0]
+        if key.partition(".")[0] in OF_A_NETWORK:
+            at_hand = "; `mapper.<name>.inner_radius_m` is a map's own" if key in ("start", "grid") or key.startswith("grid.") else ""
+            raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its own{at_hand}")
 
 
 def run(settings: Settings, again: bool = True) -> int:
@@ -89,6 +106,9 @@ def run(settings: Settings, again: bool = True) -> int:
         settings.source().check(reference)
     reconstructor = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
     config, identity = asdict(settings), _identity(settings)
+    if reconstructor:  # what was scored, not what another network would have had
+        parts = {"network": reconstructor.network_settings, "grid": reconstructor.grid, "likelihood": reconstructor.likelihood}
+        config |= {name: asdict(part) for name, part in parts.items()}
     seeds = {"training": settings.seed, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
 
     def others():
@@ -118,8 +138,11 @@ def _identity(settings: Settings) -> dict:
 
 
 def _given(settings: Settings) -> dict[str, str]:
-    """The hash of the network that a run takes instead of training one, if it does."""
-    return {"checkpoint": file_sha256(checkpoint_path(settings.checkpoint))} if settings.checkpoint else {}
+    """The hashes of the networks that a run takes instead of training one: its own, and those that mappers name."""
+    named = {f"mapper.{name}.reconstructor": one.get("reconstructor") for name, one in settings.mapper.items() if isinstance(one, dict)}
+    networks = {"checkpoint": settings.checkpoint, **{key: name for key, name in named.items() if name not in (None, TRAINED)}}
+    paths = {key: checkpoint_path(name) for key, name in networks.items() if isinstance(name, str)}
+    return {key: file_sha256(path) for key, path in paths.items() if path.is_file()}  # one that is missing is named where it is loaded
 
 
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
@@ -131,6 +154,7 @@ def _application(config: DictConfig) -> None:
         os.environ[JOB] = json.dumps([*job.overrides.task, f'hydra.run.dir="{output}"'])
     try:
         settings = to_settings(config)
+        refuse_ignored(settings, list(job.overrides.task))
         settings.output = output
         if many and ("joblib" in job.launcher._target_ or "LocalLauncher" in job.launcher._target_):
             give_gpus(settings.trainer.devices)

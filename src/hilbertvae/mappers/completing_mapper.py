@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_count
+from hilbertvae.checks import InputError, check_count, check_not_negative
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import NoRoom
 from hilbertvae.grids.cluster_grids import PLACES, GridSettings, bin_shown
@@ -59,13 +59,15 @@ class CompletingMapper(Mapper):
         if self.grid is not None and not isinstance(self.grid, GridSettings):
             raise InputError(f"grid: expected GridSettings or None, got {self.grid!r}")
         check_calibration(self.calibration)
+        check_not_negative(self.ridge, "ridge")
+        for name in ("evidence", "fill"):
+            if not isinstance(value := getattr(self, name), (bool, np.bool_)):
+                raise InputError(f"{name}: expected True or False, got {value!r}")
 
     def _check_network(self, dimension: int) -> None:
         if self.reconstructor is not None and self.reconstructor.dimension != dimension:
             raise InputError(f"points: the network is for {self.reconstructor.dimension}D, got {dimension}D points")
         check_device(self.device)
-        if not isinstance(self.fill, (bool, np.bool_)):
-            raise InputError(f"fill: expected True or False, got {self.fill!r}")
 
     @property
     def detailed_(self) -> bool:

@@ -24,6 +24,9 @@ OCCUPIED_ABOVE = 0.6
 FREE_BELOW = 0.4 + 1e-6
 """Free if p <= 0.4; the slack takes in OctoMap's single miss, which is 0.4000 in float32 (METHOD 6)."""
 
+FARTHEST_M = 1e100
+"""Queries farther out are asked there: the square of a longer distance would be no number, and everything is as far away."""
+
 
 def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.ndarray, chunk: int) -> np.ndarray:
     """(Q,) float64: what `answer` says of `queries (Q, D)`, at most `chunk` of them at a time, on all cores.
@@ -189,9 +192,10 @@ class Mapper(ClassifierMixin, BaseEstimator):
 
     def _checked(self, queries):
         try:
-            return validate_data(self, queries, reset=False, dtype=np.float64, ensure_min_samples=0)
+            queries = validate_data(self, queries, reset=False, dtype=np.float64, ensure_min_samples=0)
         except ValueError as error:
             raise InputError(f"queries: {_plain(error)}") from error
+        return np.clip(queries, -FARTHEST_M, FARTHEST_M)
 
     def _fit(self, points: np.ndarray, occupied: np.ndarray, weight: np.ndarray) -> None:
         """Fit on checked arrays: (N, D) float64, (N,) bool, (N,) float64. Sets attributes that end in `_`."""

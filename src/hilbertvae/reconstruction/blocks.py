@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_count
 from hilbertvae.grids.aligned_grid import COUNT_STEPS, PLACE_STEPS
 
 CONVOLUTION = {2: nn.Conv2d, 3: nn.Conv3d}
@@ -32,6 +32,15 @@ class Reconstruction:
     std: Tensor | None
     known: Tensor | None = None
     prior: tuple[Tensor, Tensor] | None = None
+
+
+def check_network_numbers(settings) -> None:
+    """An `InputError` for numbers, of those that every kind of network has, that make none."""
+    for place, width in enumerate(settings.channels):
+        check_count(width, f"network.channels[{place}]")
+    check_count(settings.latent, "network.latent")
+    if not 0 <= settings.dropout < 1:
+        raise InputError(f"network.dropout: expected a share from 0 on and below 1, got {settings.dropout}")
 
 
 def signed(grids: Tensor) -> Tensor:

@@ -9,13 +9,14 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_count
 from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.blocks import (
     CONVOLUTION,
     MEAN_POOL,
     Reconstruction,
     ResidualBlock,
+    check_network_numbers,
     find_encoding,
     group_norm,
     spread_channels,
@@ -64,6 +65,8 @@ class GatedNetwork(nn.Module):
     def __init__(self, settings: GatedNetworkSettings, dimension: int, cells: int):
         super().__init__()
         channels, levels = settings.channels, len(settings.channels)
+        check_network_numbers(settings)
+        check_count(settings.stem, "network.stem")
         reduction = settings.stem * 2 ** (levels - 1)
         if len(settings.blocks) != levels:
             raise InputError(f"network.blocks: expected {levels}, one per level, got {len(settings.blocks)}")

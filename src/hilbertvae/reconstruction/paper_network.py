@@ -10,7 +10,14 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction.blocks import CONVOLUTION, CONVOLVE_TRANSPOSED, MAX_POOL, Reconstruction, find_encoding
+from hilbertvae.reconstruction.blocks import (
+    CONVOLUTION,
+    CONVOLVE_TRANSPOSED,
+    MAX_POOL,
+    Reconstruction,
+    check_network_numbers,
+    find_encoding,
+)
 
 
 @dataclass
@@ -36,6 +43,7 @@ class PaperNetwork(nn.Module):
     def __init__(self, settings: PaperNetworkSettings, dimension: int, cells: int):
         super().__init__()
         depth = len(settings.channels)
+        check_network_numbers(settings)
         if len(settings.kernels) != depth:
             raise InputError(f"network.kernels: expected {depth}, one per channel count, got {len(settings.kernels)}")
         if cells % 2**depth:

@@ -35,7 +35,7 @@ LEGEND = (
 )
 COST_LEGEND = (
     "MB: 1e6 bytes. Training and its grids are of the run's network, so that mappers without one have none. Grids that another run had "
-    "built before are loaded, in a second or two; of a training that was interrupted, only what came after is counted."
+    "built before are loaded, in a second or two; of a training that was interrupted, older results count only what came after."
 )
 
 

@@ -15,6 +15,7 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.scoring.calibration import learn_rank_weights
+from hilbertvae.training.devices import filling_device
 from hilbertvae.training.kept_network import KeptNetwork
 from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.scoring import Writer, score
@@ -27,7 +28,7 @@ class HilbertMapCallback(L.Callback):
     def __init__(self, settings: Settings, mappers: dict[str, Mapper], write: Writer | None, kept: KeptNetwork | None = None):
         self.settings, self.mappers, self.write, self.kept = settings, mappers, write, kept
         self.checkpoint = Path(settings.output) / "model.safetensors"
-        self.seconds = {}
+        self.seconds, self.before = {}, {}
         self.since = time.perf_counter()
 
     def on_fit_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
@@ -46,7 +47,8 @@ class HilbertMapCallback(L.Callback):
         settings = self.settings
         reconstructor = self._best(trainer, module)
         site = opened_site(settings.data.validate, settings)
-        learned = learn_rank_weights(HilbertMap(reconstructor, flips=settings.flips), site, **settings.calibration())
+        mapper = HilbertMap(reconstructor, flips=settings.flips, device=filling_device(settings))
+        learned = learn_rank_weights(mapper, site, **settings.calibration())
         self._lap("weights")
         reconstructor.weights, reconstructor.seconds = learned, self.seconds
         reconstructor.save(self.checkpoint)
@@ -54,10 +56,19 @@ class HilbertMapCallback(L.Callback):
             self.kept.keep(self.checkpoint, self.seconds)
         score(settings, self.mappers, reconstructor, self.write)
 
+    def state_dict(self) -> dict:
+        """Of a checkpoint: the seconds of what it holds, so that a run which goes on from it, or is repeated, has all of them."""
+        return {**self.seconds, "train": self._until_now("train")}
+
+    def load_state_dict(self, state_dict: dict) -> None:
+        self.before = dict(state_dict)
+
     def _lap(self, stage: str) -> None:
-        """Wall time of a stage; of a run that was resumed, since then."""
-        now = time.perf_counter()
-        self.seconds[stage], self.since = round(now - self.since, 1), now
+        self.seconds[stage], self.since = self._until_now(stage), time.perf_counter()
+
+    def _until_now(self, stage: str) -> float:
+        """Wall time of a stage, of which earlier starts of a run had done a part."""
+        return round(self.before.get(stage, 0.0) + time.perf_counter() - self.since, 1)
 
     def _best(self, trainer: L.Trainer, module: L.LightningModule) -> Reconstructor:
         settings = self.settings

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import reduce
@@ -17,15 +18,14 @@ from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.protocol import alike, evaluate_all
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
+from hilbertvae.training.devices import filling_device
 from hilbertvae.training.kept_scores import KeptScores, forget_scores
 from hilbertvae.training.opened_sites import opened_site
-from hilbertvae.training.settings import Settings
-from hilbertvae.training.site_roles import check_unseen
+from hilbertvae.training.settings import TRAINED, Settings
+from hilbertvae.training.site_roles import check_unseen, place
 
 Writer = Callable[[Result, Site, dict[str, Mapper]], None]
 NOT_THERE = object()
-TRAINED = "trained"
-"""What a mapper's `reconstructor` is set to when it takes the network of the run; any other text is a checkpoint's path."""
 
 
 def needs_training(mappers: dict[str, Mapper]) -> bool:
@@ -73,14 +73,27 @@ def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
         known = {len(weights["unseen"]) - 1 for weights in network.weights.values()}
         if mapper.inner_radius_m is None and known == {mapper.neighbours}:
             continue
-        key = (id(network), mapper.neighbours, mapper.inner_radius_m, mapper.flips)
+        alike = {name: getattr(mapper, name) for name in ("neighbours", "inner_radius_m", "flips", "device")}
+        key = (id(network), *alike.values())
         if key not in learned:
-            blank = replace(network, weights={})
-            anew = HilbertMap(blank, neighbours=mapper.neighbours, inner_radius_m=mapper.inner_radius_m, flips=mapper.flips)
+            _check_calibration_site(settings.data.validate, network.card)
+            anew = HilbertMap(replace(network, weights={}), **alike)
             site = opened_site(settings.data.validate, settings)
             weights = learn_rank_weights(anew, site, **settings.calibration())
             learned[key] = replace(network, weights=weights)
         mapper.set_params(reconstructor=learned[key])
+
+
+def _check_calibration_site(site: str, card: dict) -> None:
+    """An `InputError` for a site that the network was trained on, where it is surer than elsewhere (METHOD 5); a warning for one on which
+    its other weights were not learned, since rows of both kinds compare sites, too."""
+    check_unseen([site], card, "data.validate", "the network whose weights are learned anew")
+    before = card.get("validated_on", site)
+    if place(before) != place(site):
+        text = (
+            f"data.validate: weights are learned anew on {site}, the network's own were learned on {before}; results of both differ by that"
+        )
+        warnings.warn(text, stacklevel=2)
 
 
 def _side_by_side(settings: Settings, mappers: dict[str, Mapper], reference: str) -> Result:
@@ -122,7 +135,12 @@ def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor:
             elif mapper.reconstructor is None and mapper.grid is None:
                 of = reconstructor or settings
                 mapper.set_params(grid=of.grid, resolution_m=of.resolution_m)
+            if mapper.device == "auto":
+                mapper.set_params(device=filling_device(settings))
             if mapper.reconstructor:
+                if mapper.resolution_m is None and mapper.reconstructor.resolution_m != settings.resolution_m:
+                    wanted = f"{mapper.reconstructor.resolution_m:g}, as the network of mapper.{name} was trained with"
+                    raise InputError(f"resolution_m: expected {wanted}, got {settings.resolution_m:g}")
                 check_unseen(settings.data.test, mapper.reconstructor.card, "data.test", f"the network of mapper.{name}")
         elif mapper.get_params(deep=False).get("resolution_m", NOT_THERE) is None:
             mapper.set_params(resolution_m=settings.resolution_m)

@@ -16,6 +16,7 @@ from hilbertvae.mappers.weights import OCCUPIED_WEIGHT
 from hilbertvae.reconstruction.augmentation import AugmentationSettings
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.likelihood import LikelihoodSettings
+from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.scans.formats import ReadingSettings, is_scan_path
 from hilbertvae.scoring.protocol import Protocol
 from hilbertvae.simulate.building import BuildingSettings
@@ -27,8 +28,11 @@ from hilbertvae.training.site_roles import check_roles
 TASKS = ("maps", "clustering")
 AFTERWARDS = (
     "name", "task", "case", "size", "output", "study", "mapper", "evaluation", "pictures", "checkpoint", "trained", "scoring_processes",
+    "device",
 )  # fmt: skip
 """Keys of what is done with a trained network, or where."""
+TRAINED = "trained"
+"""What a mapper's `reconstructor` is set to when it takes the network of the run; any other text is a checkpoint's path."""
 PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed", "bf16-true", "64-true")
 
 
@@ -127,6 +131,9 @@ class Settings:
     flips: int | None = None
     """Symmetries over which the network of the run is averaged, in learning the Hilbert Map's weights and in its maps: 1, 2, 4 or 8; 4 in
     2D and 1 in 3D unless given."""
+    device: str = "auto"
+    """Where networks fill maps, in learning the Hilbert Map's weights and in scoring: `cpu`, `cuda`, or `auto`, where the run would train
+    (`trainer.accelerator`)."""
     study: StudySettings = field(default_factory=StudySettings)
     """Of the task `clustering`: what `grid.start` is tried on."""
     mapper: dict[str, Any] = field(default_factory=dict)
@@ -203,6 +210,8 @@ class Settings:
         check_positive(self.calibration_occupied_weight, "calibration_occupied_weight")
         if self.flips not in (None, 1, 2, 4, 8):
             raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips}")
+        if self.device != "auto":
+            check_device(self.device)
         if self.trainer.kl_warmup_share < 0.2:
             raise InputError(f"trainer.kl_warmup_share: expected at least 0.2, got {self.trainer.kl_warmup_share}")
 

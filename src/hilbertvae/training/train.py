@@ -22,6 +22,7 @@ from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.precision import training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.training.checkpoints import AtomicCheckpoints, MovableCheckpoint, PatienceOnce
+from hilbertvae.training.devices import training_device
 from hilbertvae.training.grids_datamodule import GridsDataModule
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
 from hilbertvae.training.kept_grids import GRID_SOURCES, code_hash
@@ -123,12 +124,10 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
 
 def _precision(settings: Settings) -> str:
     """Lightning's word for `trainer.precision`."""
-    chosen, accelerator = settings.trainer.precision, settings.trainer.accelerator
-    if chosen != "auto":
-        return chosen
-    on_gpu = accelerator in ("gpu", "cuda") or accelerator == "auto" and torch.cuda.is_available()
+    if settings.trainer.precision != "auto":
+        return settings.trainer.precision
     bottom_cells = getattr(settings.network, "bottom_cells", lambda cells: 0)(settings.grid.cells)  # the paper's has no such level
-    numbers = training_type("cuda" if on_gpu else "cpu", settings.dimension, bottom_cells)
+    numbers = training_type(training_device(settings), settings.dimension, bottom_cells)
     return "bf16-mixed" if numbers is torch.bfloat16 else "32-true"
 
 

@@ -1,0 +1,19 @@
+"""Where the networks of a run compute."""
+
+from __future__ import annotations
+
+import torch
+
+from hilbertvae.training.settings import Settings
+
+
+def training_device(settings: Settings) -> str:
+    """Where Lightning trains: torch's word for what `trainer.accelerator` finds here."""
+    accelerator = settings.trainer.accelerator
+    on_gpu = accelerator in ("gpu", "cuda") or (accelerator == "auto" and torch.cuda.is_available())
+    return "cuda" if on_gpu else "cpu"
+
+
+def filling_device(settings: Settings) -> str:
+    """Where networks fill maps, for their weights and their scores: `device`, or where the run would train."""
+    return training_device(settings) if settings.device == "auto" else settings.device

@@ -1,0 +1,74 @@
+"""`hilbertvae-train` with networks that it did not train: what they bring with them counts, and is what the result says."""
+
+import pytest
+from hydra import compose, initialize_config_dir
+
+from hilbertvae.checks import InputError
+from hilbertvae.commands.train import CONF, _identity, refuse_ignored, run, to_settings
+from hilbertvae.files import file_sha256
+from hilbertvae.reports.result_json import read_result
+from toy_rooms import tiny_reconstructor
+
+
+def settings_of(*overrides: str):
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        return to_settings(compose("config", overrides=list(overrides)))
+
+
+@pytest.fixture(scope="module")
+def network(tmp_path_factory):
+    return tiny_reconstructor().save(tmp_path_factory.mktemp("given") / "network.safetensors")
+
+
+def fast(folder, *overrides):
+    pytest.importorskip("embreex")
+    small = ["debug=fast", "pictures=false", "evaluation.occlusion=false", "trainer.threads=1"]
+    return settings_of(*small, f"output={folder / 'run'}", f"data.cache={folder / 'cache'}", *overrides)
+
+
+def test_the_result_says_what_grid_and_network_were_scored(tmp_path, network):
+    assert run(fast(tmp_path, f"checkpoint={network}", "mapper=[cvae-hm]")) == 0
+    found, about = read_result(tmp_path / "run/result.json")
+    given = tiny_reconstructor()
+    assert about["config"]["grid"]["cells"] == given.grid.cells != fast(tmp_path).grid.cells
+    assert about["config"]["network"]["channels"] == given.network_settings.channels
+    assert about["data"]["checkpoint"] == file_sha256(network)
+
+
+@pytest.mark.parametrize("word", ["grid.inner_radius_m=3", "start=random", "grid.start=random", "network=gated_wide", "++network.latent=8",
+                                  "likelihood.kind=signed"])  # fmt: skip
+def test_what_a_network_brings_with_it_is_not_set_beside_it(network, word):
+    settings = settings_of(f"checkpoint={network}")
+    key = word.lstrip("+").split("=")[0]
+    with pytest.raises(InputError, match=f"^{key}: expected none beside checkpoint=.*, which has its own"):
+        refuse_ignored(settings, ["seed=1", word])
+    refuse_ignored(settings, ["seed=1", "experiment=real_2d", "mapper=[cvae-hm]", "evaluation.occlusion=false"])
+    refuse_ignored(settings_of(), [word])
+
+
+def test_voxels_of_another_size_than_the_network_s_are_refused(tmp_path, network):
+    with pytest.raises(InputError, match="resolution_m: expected 0.1, as the network of mapper.cvae-hm was trained with, got 0.2"):
+        run(fast(tmp_path, f"checkpoint={network}", "mapper=[cvae-hm]", "resolution_m=0.2"))
+
+
+def test_a_run_is_another_when_the_network_of_a_mapper_is(tmp_path):
+    path = tmp_path / "network.safetensors"
+    settings = fast(tmp_path, "mapper=[cvae-hm]", f"mapper.cvae-hm.reconstructor={path}")
+    missing = _identity(settings)
+    tiny_reconstructor(seed=0).save(path)
+    first = _identity(settings)
+    assert run(settings) == 0
+    assert read_result(tmp_path / "run/result.json")[1]["data"]["mapper.cvae-hm.reconstructor"] == file_sha256(path)
+    tiny_reconstructor(seed=1).save(path)
+    assert missing != first != _identity(settings)
+
+
+def test_a_mapper_s_network_that_is_not_there_is_named(tmp_path):
+    settings = fast(tmp_path, "mapper=[cvae-hm]", f"mapper.cvae-hm.reconstructor={tmp_path}/gone.safetensors")
+    with pytest.raises(InputError, match="gone.safetensors: no such checkpoint"):
+        run(settings)
+
+
+@pytest.mark.parametrize(("overrides", "expected"), [((), 0.1), (("dimension=3",), 0.2), (("dimension=3", "resolution_m=0.4"), 0.4)])
+def test_voxels_are_those_of_the_dimension_unless_given(overrides, expected):
+    assert settings_of(*overrides).resolution_m == expected
