@@ -16,7 +16,6 @@ from hilbertvae.training.scoring import give_networks  # noqa: E402
 from hilbertvae.training.train import train  # noqa: E402
 from toy_rooms import tiny_reconstructor  # noqa: E402
 
-
 THERE = [("auto", "cuda"), ("gpu", "cuda"), ("cuda", "cuda"), ("cpu", "cpu")]
 
 
