@@ -131,7 +131,8 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         mapper.progress = clock.share
         mapper.fit(cloud.points, cloud.occupied, cloud.weight)
         clock.start("ask each cell")
-        reach_m = min(REACH_M, SIDE[dimension] * fine_m)
+        # Without grids a map says nothing beside what was seen, and asking there would take most of the time.
+        reach_m = min(REACH_M, SIDE[dimension] * fine_m) if settings.fill else None
         cells = MapCells.sample(mapper, cloud.points, fine_m, reach_m, clock.share).coarser(resolution_m)
         del cloud
         if not len(cells):

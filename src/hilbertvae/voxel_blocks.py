@@ -62,12 +62,14 @@ class NearVoxels:
     keys: list[Key]
 
     @classmethod
-    def of(cls, points: np.ndarray, resolution_m: float, reach_m: float) -> NearVoxels:
-        """Around `points (N, D)` in metres. Raises `InputError` for a reach longer than a block, and for points too far from the origin."""
+    def of(cls, points: np.ndarray, resolution_m: float, reach_m: float | None) -> NearVoxels:
+        """Around `points (N, D)` in metres; without a reach, the points' own voxels alone. Raises `InputError` for a reach longer than a
+        block, and for points too far from the origin."""
         points = check_points(points)
         dimension = points.shape[1]
         side = SIDE[dimension]
-        reach = int(np.ceil(check_positive(reach_m, "reach_m") / check_positive(resolution_m, "resolution_m") - 1e-9))
+        check_positive(resolution_m, "resolution_m")
+        reach = 0 if reach_m is None else int(np.ceil(check_positive(reach_m, "reach_m") / resolution_m - 1e-9))
         if reach > side:
             raise InputError(f"reach_m: expected at most {side} voxels, {side * resolution_m:g} m, got {reach_m:g} m")
         if np.abs(points).max() / resolution_m > FARTHEST or np.prod(np.ptp(points, axis=0) / (resolution_m * side) + 3) > 2**62:
@@ -80,11 +82,13 @@ class NearVoxels:
                 if key not in seen:
                     seen[key] = np.zeros((side,) * dimension, bool)
                 seen[key][tuple((index[rows] % side).T)] = True
-        steps = list(product((-1, 0, 1), repeat=dimension))
+        steps = list(product((-1, 0, 1) if reach else (0,), repeat=dimension))
         return cls(seen, reach, sorted({tuple(k + s for k, s in zip(key, step, strict=True)) for key in seen for step in steps}))
 
     def voxels(self, key: Key) -> np.ndarray:
         """(n, D) int64: places in the block at `key`, from its first voxel, in the order of an array's elements."""
+        if not self.reach:
+            return np.argwhere(self.seen[key])
         near = padded(self.seen, key, self.reach, self.reach, False)
         if not near.any():
             return np.empty((0, len(key)), np.int64)

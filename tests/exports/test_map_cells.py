@@ -80,6 +80,21 @@ def test_a_hilbert_map_is_asked_for_all_it_knows(place):
     assert cells.observed.sum() == len(np.unique(np.floor(fit.points / cell_m), axis=0))
 
 
+@pytest.mark.parametrize("at_once", [5, 10**6])
+def test_without_a_reach_the_points_voxels_alone_are_asked(place, at_once, monkeypatch):
+    """A map without grids knows no others, so that the cells are those of a wide reach, in their order."""
+    fit, cell_m = place.fit, {2: 0.1, 3: 0.2}[place.dimension]
+    mapper = HilbertMap(tiny_reconstructor(place.dimension), fill=False).fit(fit.points, fit.occupied, fit.weight)
+    wide = MapCells.sample(mapper, fit.points, cell_m)
+    monkeypatch.setattr(map_cells, "QUERIES_AT_ONCE", at_once)
+    alone = MapCells.sample(mapper, fit.points, cell_m, None)
+    for name in ("index", "probability", "std", "observed"):
+        np.testing.assert_array_equal(getattr(alone, name), getattr(wide, name))
+    waves = Waves()
+    MapCells.sample(waves, fit.points, cell_m, None)
+    assert sum(waves.asked) == len(alone) == len(np.unique(np.floor(fit.points / cell_m), axis=0))
+
+
 def test_memory_follows_the_cells_that_are_kept(monkeypatch):
     class Silent:
         asked = 0

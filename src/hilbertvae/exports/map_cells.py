@@ -58,7 +58,7 @@ class MapCells:
         mapper: Mapper,
         points: np.ndarray,
         resolution_m: float,
-        reach_m: float = REACH_M,
+        reach_m: float | None = REACH_M,
         progress: Callable[[int, int], None] | None = None,
     ) -> MapCells:
         """Ask a fitted mapper at every voxel that is at most `reach_m` from a voxel of `points (N, D)` along each axis.
@@ -66,6 +66,7 @@ class MapCells:
         Kept are the cells that were observed, and those with p off 0.5 (`UNKNOWN_WITHIN`); memory follows them. A mapper that can't tell
         what it observed is taken to have observed the voxels of `points`.
         reach_m: 1.5 m, in 2D too, hold all of a gap of 2.5 m and nine tenths of one of 5 m; farther off, fewer guesses are right.
+            None asks at the voxels of `points` alone, the only ones of which a map without grids says anything.
         progress: is told how many blocks are done, of how many.
         Raises `InputError` for bad points, and for a reach of more than 256 voxels in 2D, 32 in 3D.
         """

@@ -1,0 +1,48 @@
+"""`fill=off` asks only where there can be an answer, and leaves the files that asking farther would."""
+
+import json
+
+import numpy as np
+from map_command_toys import npz_of
+from safetensors import safe_open
+
+from hilbertvae.exports.grid_npz import read_grid
+from hilbertvae.exports.map_cells import REACH_M, MapCells
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mapping import MapSettings, make_map
+
+
+def content(path):
+    """The bytes of a file; of a map's, whose header comes in any order, what is in it."""
+    if path.suffix != ".safetensors":
+        return path.read_bytes()
+    with safe_open(path, framework="np") as file:
+        return file.metadata(), {name: (file.get_tensor(name).dtype, file.get_tensor(name).tobytes()) for name in file.keys()}  # noqa: SIM118
+
+
+def test_asking_farther_changes_no_file(place, tmp_path, monkeypatch):
+    counts, predict, sample = [0], HilbertMap.predict_map, MapCells.sample
+
+    def counted(mapper, queries):
+        counts[-1] += len(queries)
+        return predict(mapper, queries)
+
+    monkeypatch.setattr(HilbertMap, "predict_map", counted)
+    monkeypatch.setattr("time.perf_counter", lambda: 0.0)  # the page and the summary say how long it took
+    settings = MapSettings(scans=str(npz_of(place, tmp_path / "room.npz")), fill=False)
+    settings.output = str(tmp_path / "near")
+    near = make_map(settings)
+    monkeypatch.setattr(MapCells, "sample", lambda mapper, points, cell_m, _, told: sample(mapper, points, cell_m, REACH_M, told))
+    counts.append(0)
+    settings.output = str(tmp_path / "far")
+    far = make_map(settings)
+    cells = read_grid(near / "map.npz")
+    assert np.all(cells.observed) and counts[0] == len(cells) < counts[1] / 1.5
+    names = {path.name for path in near.iterdir()}
+    assert names == {path.name for path in far.iterdir()} and len(names) > 8
+    for name in names - {"summary.json"}:
+        assert content(near / name) == content(far / name), name
+    one, other = (json.loads((folder / "summary.json").read_text()) for folder in (near, far))
+    for summary in (one, other):
+        del summary["git"]  # of the code, which may be worked on meanwhile
+    assert one == other
