@@ -10,6 +10,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_points
 from hilbertvae.commands.keywords import run_command
+from hilbertvae.exports.map_folder import MAP, is_of_a_map
 from hilbertvae.files import atomic
 from hilbertvae.mappers.saved_map import load_map
 from hilbertvae.mapping import FLAT_M
@@ -27,7 +28,8 @@ class QuerySettings:
     points: str = ""
     """A file of points in metres in the map's frame: text, .npz, or a cloud in a format that scans may have."""
     output: str | None = None
-    """A .csv, or a .npz; unless given, text goes to the standard output."""
+    """A .csv, or a .npz; unless given, text goes to the standard output. It has the coordinates and the answers, and no other columns
+    of the points, so neither they nor a file of a map are replaced."""
 
 
 def run(settings: QuerySettings) -> None:
@@ -37,7 +39,10 @@ def run(settings: QuerySettings) -> None:
             raise InputError(f"{key}: expected a path, got none; give {key}=<path>")
     if settings.output and Path(settings.output).suffix not in (".csv", ".npz"):
         raise InputError(f"output: expected a name that ends in .csv or .npz, got {settings.output}")
-    mapper = load_map(Path(settings.map) / "map.safetensors" if Path(settings.map).is_dir() else settings.map)
+    map_file = Path(settings.map) / MAP if Path(settings.map).is_dir() else Path(settings.map)
+    if settings.output:
+        _check_replaced(Path(settings.output), Path(settings.points), map_file)
+    mapper = load_map(map_file)
     points = check_points(read_points(settings.points).points, settings.points)
     if points.shape[1] == 3 and mapper.n_features_in_ == 2 and np.ptp(points[:, 2]) < FLAT_M:  # as a PLY of a plan has them
         points = points[:, :2]
@@ -53,13 +58,24 @@ def run(settings: QuerySettings) -> None:
             np.savez_compressed(temporary, points=points, **answers)
         return
     table = np.column_stack([points, *(answer.astype(float) for answer in answers.values())])
-    shape = ["%.4f"] * points.shape[1] + ["%.4f", "%.4f", "%d"]
+    shape = ["%s"] * points.shape[1] + ["%.4f", "%.4f", "%d"]  # of a coordinate as many digits as it takes to be the same number
     names = ["x", "y", "z"][: points.shape[1]] + list(answers)
     if settings.output:
         with atomic(settings.output) as temporary:
             np.savetxt(temporary, table, shape, ",", header=",".join(names), comments="")
     else:
         np.savetxt(sys.stdout, table, shape, ",", header=",".join(names), comments="")
+
+
+def _check_replaced(output: Path, points: Path, map_file: Path) -> None:
+    """An `InputError` where answers would replace what is asked, or a file of a map."""
+    if not output.exists():
+        return
+    for key, path in (("points", points), ("map", map_file)):
+        if path.exists() and output.samefile(path):
+            raise InputError(f"output: {output} is what {key}= is read from, and would be replaced; choose another name")
+    if is_of_a_map(output.resolve()):
+        raise InputError(f"output: {output} is a file of the map in that folder, and would be replaced; choose another name")
 
 
 def main(words: list[str] | None = None) -> int:

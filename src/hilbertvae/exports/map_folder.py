@@ -14,6 +14,8 @@ from hilbertvae.exports.formats import EXPORTS
 from hilbertvae.files import hash_of
 
 MAP, PICTURE, PAGE, SUMMARY = "map.safetensors", "map.png", "summary.html", "summary.json"
+OURS = {MAP, PICTURE, PAGE, *(name for kind in EXPORTS.values() for name in kind.files)}
+"""What may be in such a folder, but for the summary."""
 
 
 def scans_hash(scans: Path) -> str:
@@ -23,11 +25,15 @@ def scans_hash(scans: Path) -> str:
 
 def listed_files(output: Path) -> set[str]:
     """The files of the map that is in a folder, by its summary, which may be another tool's."""
-    ours = {MAP, PICTURE, PAGE, *(name for kind in EXPORTS.values() for name in kind.files)}
     try:
-        return ours & set(_summary(output)["files"])
+        return OURS & set(_summary(output)["files"])
     except (KeyError, TypeError):
         return set()
+
+
+def is_of_a_map(path: Path) -> bool:
+    """Whether a file is one of the map in its folder, which may have lost its summary."""
+    return path.name in (OURS if (path.parent / MAP).exists() else listed_files(path.parent))
 
 
 def _summary(output: Path) -> dict:

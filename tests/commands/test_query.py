@@ -1,0 +1,86 @@
+"""`hilbertvae-query`: what it may replace, and that coordinates come out as they went in."""
+
+import numpy as np
+import octomap
+import pytest
+from map_command_toys import npz_of
+
+from hilbertvae.commands import query
+from hilbertvae.mapping import MapSettings, make_map
+
+
+@pytest.fixture
+def tree(tmp_path):
+    """An OctoMap of one wall."""
+    tree = octomap.OcTree(0.5)
+    for y in np.arange(-3.75, 4, 0.5):
+        tree.updateNode(np.array([2.25, y, 0.25]), True)
+        tree.updateNode(np.array([1.75, y, 0.25]), False)
+    tree.updateInnerOccupancy()
+    tree.writeBinary(str(tmp_path / "wall.bt").encode())
+    return tmp_path / "wall.bt"
+
+
+@pytest.fixture(scope="module")
+def folder(room, tmp_path_factory):
+    made = tmp_path_factory.mktemp("map")
+    return make_map(MapSettings(scans=str(npz_of(room, made / "room.npz")), output=str(made / "out"), fill=False, exports=["npz"]))
+
+
+def files(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("name", ["asked.csv", "./asked.csv", "../{}/asked.csv", "link.csv"])
+def test_the_points_are_not_replaced(tree, tmp_path, monkeypatch, capsys, name):
+    """By whatever path: columns that this command does not write would be lost."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "asked.csv").write_text("x,y,z,label\n1.0,2.0,0.25,7\n")
+    (tmp_path / "link.csv").symlink_to("asked.csv")
+    before = files(tmp_path)
+    assert query.main([f"map={tree}", f"points={tmp_path / 'asked.csv'}", f"output={name.format(tmp_path.name)}"]) == 2
+    assert "is what points= is read from, and would be replaced" in capsys.readouterr().err
+    assert files(tmp_path) == before and (tmp_path / "link.csv").is_symlink()
+
+
+@pytest.mark.parametrize("summary", [True, False])
+def test_no_file_of_a_map_is_replaced(folder, tmp_path, capsys, summary):
+    """Neither of the one that is asked nor of another; beside them answers may be written, also a second time."""
+    np.savetxt(tmp_path / "asked.csv", np.zeros((3, 2)), delimiter=",")
+    other = tmp_path / "other"
+    other.mkdir()
+    for name, content in files(folder).items():
+        if summary or name != "summary.json":
+            (other / name).write_bytes(content)
+    before = files(other)
+    for asked in (other, other / "map.safetensors", folder):
+        assert query.main([f"map={asked}", f"points={tmp_path / 'asked.csv'}", f"output={other / 'map.npz'}"]) == 2
+        assert "map.npz is a file of the map in that folder" in capsys.readouterr().err
+    assert files(other) == before
+    for _ in range(2):
+        assert query.main([f"map={other}", f"points={tmp_path / 'asked.csv'}", f"output={other / 'said.npz'}"]) == 0
+    assert files(other).keys() == before.keys() | {"said.npz"}
+
+
+def test_a_map_of_another_name_is_not_replaced(folder, tmp_path, capsys):
+    """One that a user named as an answer."""
+    (tmp_path / "map.csv").write_bytes((folder / "map.safetensors").read_bytes())
+    np.savetxt(tmp_path / "asked.csv", np.zeros((3, 2)), delimiter=",")
+    before = files(tmp_path)
+    assert query.main([f"map={tmp_path / 'map.csv'}", f"points={tmp_path / 'asked.csv'}", f"output={tmp_path / 'map.csv'}"]) == 2
+    assert "is what map= is read from" in capsys.readouterr().err and files(tmp_path) == before
+
+
+def test_coordinates_come_out_as_they_went_in(tree, tmp_path, capsys):
+    """In text as in numbers, of any size."""
+    lines = ["412345.123456,5432109.000001,0.25", "-1.75,1e-05,0.1", "2.25,0.3333333333333333,123.456789"]
+    (tmp_path / "asked.csv").write_text("x,y,z\n" + "\n".join(lines) + "\n")
+    assert query.main([f"map={tree}", f"points={tmp_path / 'asked.csv'}"]) == 0
+    head, *said = capsys.readouterr().out.splitlines()
+    assert head == "x,y,z,probability,std,observed"
+    assert [line.rsplit(",", 3)[0] for line in said] == lines
+    assert query.main([f"map={tree}", f"points={tmp_path / 'asked.csv'}", f"output={tmp_path / 'said.csv'}"]) == 0
+    assert (tmp_path / "said.csv").read_text().splitlines() == [head, *said]
+    # Answers can be asked about again: they are a file of points.
+    assert query.main([f"map={tree}", f"points={tmp_path / 'said.csv'}"]) == 0
+    assert [line.rsplit(",", 3)[0] for line in capsys.readouterr().out.splitlines()[1:]] == lines
