@@ -3,9 +3,15 @@ import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+from map_command_toys import npz_of
 
-from hilbertvae.commands.keywords import stopped_by_sigterm
+from hilbertvae.commands import map as map_command
+from hilbertvae.commands import query as query_command
+from hilbertvae.commands.keywords import from_home, stopped_by_sigterm
+from hilbertvae.mapping import MapSettings
+from toy_rooms import tiny_reconstructor
 
 
 def test_sigterm_ends_a_command_as_ctrl_c_does():
@@ -32,3 +38,28 @@ sys.exit(run_command("say", Settings, "", lambda settings: print(*range(settings
         assert process.stdout.readline() == b"0\n"
         process.stdout.close()
         assert process.stderr.read() == b"" and process.wait() == 1
+
+
+def test_the_user_s_folder_in_paths(tmp_path, monkeypatch):
+    """Alone those that begin with it, and not those of no user."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    settings = MapSettings(scans="~/a ~/b", output=None, weights="2d")
+    assert from_home(settings, "scans", "output", "weights") == MapSettings(scans=f"{tmp_path}/a ~/b", output=None, weights="2d")
+    for path in ("", "./~/a", "a/~", "~nobody-of-this-name/a"):
+        assert from_home(MapSettings(scans=path), "scans").scans == path
+
+
+def test_commands_know_the_user_s_folder(room, tmp_path, monkeypatch):
+    home, work = tmp_path / "home", tmp_path / "work"
+    home.mkdir()
+    work.mkdir()
+    monkeypatch.setenv("HOME", str(home))
+    monkeypatch.chdir(work)
+    npz_of(room, home / "room.npz")
+    tiny_reconstructor(2).save(home / "tiny.safetensors")
+    np.savetxt(home / "asked.csv", np.zeros((3, 2)), delimiter=",")
+    words = ["scans=~/room.npz", "output=~/maps", "weights=~/tiny.safetensors", "fill=off", "exports=[npz]"]
+    assert map_command.main(words) == 0 and (home / "maps" / "map.npz").exists()
+    assert query_command.main(["map=~/maps", "points=~/asked.csv", "output=~/said.csv"]) == 0
+    assert len((home / "said.csv").read_text().splitlines()) == 4
+    assert not list(work.iterdir())

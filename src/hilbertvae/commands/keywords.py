@@ -53,6 +53,13 @@ def settings_of(kind: type[T], words: list[str]) -> T:
     return settings
 
 
+def from_home(settings: T, *keys: str) -> T:
+    """The settings with `~` or `~name` at the start of these paths, unless they are None, as the user's folder: behind `key=` not every
+    shell puts it there, and a folder of that name would be made."""
+    paths = {key: getattr(settings, key) for key in keys}
+    return dataclasses.replace(settings, **{key: path and os.path.expanduser(path) for key, path in paths.items()})
+
+
 def types_of(kind: type) -> dict[str, str]:
     """By key, the type as the source writes it."""
     return {part.name: part.type if isinstance(part.type, str) else part.type.__name__ for part in dataclasses.fields(kind)}

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.text import Text
 
 from hilbertvae.checks import InputError
-from hilbertvae.commands.keywords import run_command
+from hilbertvae.commands.keywords import from_home, run_command
 from hilbertvae.exports.map_folder import SUMMARY
 from hilbertvae.mapping import MapSettings, make_map
 from hilbertvae.scans.formats import ReadingSettings
@@ -33,6 +33,7 @@ def _alone(text: str) -> str:
 
 def run(settings: MapSettings) -> None:
     """Make the map, say what it came out as."""
+    settings = from_home(settings, "scans", "output", "weights")
     console = Console(stderr=True)
     warnings.showwarning = lambda message, *rest, **named: console.print(Text(_alone(str(message)), "yellow"), soft_wrap=True)
     try:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError, check_points
-from hilbertvae.commands.keywords import run_command
+from hilbertvae.commands.keywords import from_home, run_command
 from hilbertvae.exports.map_folder import MAP, is_of_a_map
 from hilbertvae.files import atomic
 from hilbertvae.mappers.saved_map import load_map
@@ -34,6 +34,7 @@ class QuerySettings:
 
 def run(settings: QuerySettings) -> None:
     """Ask the map, and write the answers."""
+    settings = from_home(settings, "map", "points", "output")
     for key in ("map", "points"):
         if not getattr(settings, key):
             raise InputError(f"{key}: expected a path, got none; give {key}=<path>")
