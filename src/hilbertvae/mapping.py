@@ -31,7 +31,7 @@ from hilbertvae.exports.map_picture import write_picture
 from hilbertvae.exports.page import write_page
 from hilbertvae.exports.summary import map_summary, point_counts, summary_tables
 from hilbertvae.files import write_json
-from hilbertvae.mappers.given_map import GivenMap, is_given_map, read_given_map
+from hilbertvae.mappers.given_map import GivenMap, is_given_map, read_given_map, warn_of_moved_walls
 from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.saved_map import save_map
 from hilbertvae.mappers.weights import check_calibration
@@ -53,7 +53,8 @@ class MapSettings(ReadingSettings):
 
     scans: str = ""
     """A file or a folder of scans, or a map to be filled: an OctoMap `.ot` or `.bt`, a ROS map's `.yaml`. Of maps that
-    were filled before, give the `_observed` one: what a map holds is taken as seen."""
+    were filled before, give the `_observed` one: what a map holds is taken as seen. Cells count from (0, 0): where a ROS map's `origin` is
+    no whole number of cells, its walls move by up to half a cell, with a warning, and its unknown margin is not kept."""
     output: str | None = None
     """Folder to write to; `outputs/maps/<name of the scans>` unless given."""
     weights: str | None = None
@@ -114,6 +115,8 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     # A coarser map is asked for finely, and its cells joined: the network has to see places in its own resolution. A whole number of
     # fine cells makes a coarse one, else what is seen in one would leak into the next.
     mapper.resolution_m = fine_m = resolution_m / max(1, math.ceil(resolution_m / network_m - 1e-9))
+    if isinstance(source, GivenMap):
+        warn_of_moved_walls(settings.scans, source, resolution_m, fine_m)
 
     with writing_beside(output) as folder:
         clock.start("label points")

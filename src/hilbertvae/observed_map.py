@@ -114,10 +114,12 @@ def read_ros_map(path: str | os.PathLike, resolution_m: float | None = None) -> 
     return cloud_of_cells(cell @ sides + np.array([x, y]), codes[row, column] > 0, header.resolution_m, resolution_m, sides)
 
 
-def ros_map_cell_m(path: str | os.PathLike) -> float:
-    """The side of a map_server map's cells, metres; raises `InputError` as `read_ros_map` does."""
+def ros_map_lattice(path: str | os.PathLike) -> tuple[float, tuple[float, float, float]]:
+    """The side of a map_server map's cells, metres, and the pose (x, y, yaw) of its lower left corner, metres and radians; raises
+    `InputError` as `read_ros_map` does."""
     path = Path(path)
-    return _header(path if path.suffix.lower() in (".yaml", ".yml") else path.with_suffix(".yaml")).resolution_m
+    header = _header(path if path.suffix.lower() in (".yaml", ".yml") else path.with_suffix(".yaml"))
+    return header.resolution_m, header.origin
 
 
 def _header(path: Path) -> _Header:

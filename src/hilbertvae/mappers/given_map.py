@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Callable
@@ -11,22 +12,26 @@ from pathlib import Path
 from hilbertvae.cloud import Cloud
 from hilbertvae.mappers.octomap_mapper import OCTREES, read_octree
 from hilbertvae.mappers.octree_cloud import octree_cloud
-from hilbertvae.observed_map import read_ros_map, ros_map_cell_m
+from hilbertvae.observed_map import read_ros_map, ros_map_lattice
 from hilbertvae.scans.file_points import named
 
 ROS_MAPS = (".yaml", ".yml", ".pgm")
 LARGEST_CELL_M = 5.0
 """No robot's map has larger cells; one in millimetres has."""
+ON_LATTICE = 0.01
+"""Of a cell: so near to the lattice that maps are written on a given one counts as on it."""
 
 
 @dataclass(frozen=True)
 class GivenMap:
     """dimension: 2 or 3; cell_m: the side of its cells, metres. cloud(resolution_m): its known cells as labelled points, for a mapper
-    of such voxels."""
+    of such voxels. corner: the pose (x, y, yaw) of a ROS map's lower left corner, metres and radians; an OctoMap has none, since its cells
+    count from (0, 0, 0), as those of maps that are written do."""
 
     dimension: int
     cell_m: float
     cloud: Callable[[float], Cloud]
+    corner: tuple[float, float, float] | None = None
 
 
 def is_given_map(path: str | os.PathLike) -> bool:
@@ -43,6 +48,32 @@ def read_given_map(path: str | os.PathLike) -> GivenMap:
     return found
 
 
+def warn_of_moved_walls(path: str | os.PathLike, given: GivenMap, resolution_m: float, voxel_m: float) -> None:
+    """A `UserWarning` where a ROS map's cells do not lie on the lattice through (0, 0), on which maps are written, that says how far walls
+    move at most: OctoMap's files and those of grids have no word for another.
+
+    resolution_m: the written cells; voxel_m: those of the mapper, a whole number of which makes a written one.
+    """
+    if given.corner is None:
+        return
+    *corner, yaw = given.corner
+    beside = max(abs(place / given.cell_m - round(place / given.cell_m)) for place in corner)  # in cells
+    if turned := max(abs(math.cos(yaw)), abs(math.sin(yaw))) < 1 - 1e-12:
+        lies = f"are turned by {math.degrees(yaw):.3g} degrees"
+    elif beside > ON_LATTICE:
+        lies = f"begin at {corner[0]:.9g} {corner[1]:.9g} m, which is no whole number of them from 0 0"
+    else:
+        return
+    # Cell by cell only where each becomes one; else a wall's cell may reach into two, and both are the wall's.
+    whole = not turned and max(abs(resolution_m / given.cell_m - 1), abs(voxel_m / given.cell_m - 1)) < 1e-9
+    moved_m = beside * given.cell_m if whole else resolution_m
+    warnings.warn(
+        f"{path}: its cells of {given.cell_m:g} m {lies}; those that are written count from 0 0 along the axes, so walls move by up to "
+        f"{moved_m:.2g} m along each axis, and masks or overlays made for its pixels no longer fit exactly",
+        stacklevel=3,
+    )
+
+
 def _octree(path: str | os.PathLike) -> GivenMap:
     mapper = read_octree(path)
 
@@ -54,4 +85,5 @@ def _octree(path: str | os.PathLike) -> GivenMap:
 
 
 def _ros_map(path: str | os.PathLike) -> GivenMap:
-    return GivenMap(2, ros_map_cell_m(path), lambda resolution_m: read_ros_map(path, resolution_m))
+    cell_m, corner = ros_map_lattice(path)
+    return GivenMap(2, cell_m, lambda resolution_m: read_ros_map(path, resolution_m), corner)
