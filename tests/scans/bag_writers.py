@@ -60,8 +60,8 @@ class BagOf:
         stamp = self.make("builtin_interfaces/Time", *map(int, divmod(nanoseconds(seconds) if seconds is not None else 0, 10**9)))
         return self.make("std_msgs/Header", *([0] if self.is_ros1 else []), stamp, frame)
 
-    def laser(self, topic, seconds, frame, ranges, first=-np.pi / 2, step=np.pi / 180, low=0.1, high=30.0, recorded=None):
-        angles = dict(angle_min=first, angle_max=first + step * len(ranges), angle_increment=step, time_increment=0.0, scan_time=0.1)
+    def laser(self, topic, seconds, frame, ranges, first=-np.pi / 2, step=np.pi / 180, low=0.1, high=30.0, recorded=None, time_step=0.0):
+        angles = dict(angle_min=first, angle_max=first + step * len(ranges), angle_increment=step, time_increment=time_step, scan_time=0.1)
         empty = np.empty(0, np.float32)
         ranges = np.asarray(ranges, np.float32)
         message = self.make(

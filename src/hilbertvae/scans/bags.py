@@ -18,6 +18,7 @@ from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
 from hilbertvae.scans.bag_poses import FIXED_FRAMES, ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
 from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
+from hilbertvae.scans.deskewing import deskewed, sweep_ns
 from hilbertvae.scans.file_points import check_reading, extra_module, named, reading
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
 from hilbertvae.scans.poses import MOST_TILT_DEG, leans
@@ -49,7 +50,8 @@ def read_bag(
     """The scans of one topic, 2D from `sensor_msgs/LaserScan` and 3D from `sensor_msgs/PointCloud2`, in the order of the bag.
 
     topic: by default the one of such messages that has most. Poses are those of `BagPoses` at the message's time, in `fixed_frame`; a
-    scan without one is left out, with a warning. `poses="kiss_icp"` finds them by odometry instead, for clouds. beam_origin and ranges
+    scan without one is left out, with a warning. Lasers are turned beam by beam, by their `time_increment`; clouds are taken as they are,
+    deskewed or not. `poses="kiss_icp"` finds them by odometry instead, for clouds. beam_origin and ranges
     are as in `read_scan_folder`; `every` keeps each so many-th message. Scans are numbered from 0, beams by their place in the message.
 
     The bag is read twice, transforms and then scans, a chunk at a time: memory grows with the returns that are kept. Messages have the
@@ -71,7 +73,7 @@ def read_bag(
         finder = bag.poses(fixed_frame) if poses is None else None
         beam_origins, odometry, unit = find_beam_origins(beam_origin), KissOdometry(), UnitCheck()
         found, seen, tilted = ScanCollector(), 0, 0
-        frames, places = set(), set()
+        frames, poses_seen = set(), set()
         # Odometry goes from scan to scan, so it sees those too that are left out.
         for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
             with named(f"{path}, a message of {chosen}"):
@@ -91,13 +93,17 @@ def read_bag(
                 tilted += 1
                 continue
             frames.add(message.header.frame_id.lstrip("/"))
-            places.add(tuple(np.round(pose[:3, 3], 3)))
+            poses_seen.add(tuple(np.round(pose[:3], 3).flat))
+            if is_flat and (duration_ns := sweep_ns(message)):
+                last = finder.at(message.header.frame_id, stamp_ns + duration_ns)
+                if last is not None:  # a bag may end, or its transforms pause, within a sweep
+                    cloud, start = deskewed(cloud, start, pose, last)
             found.add(cloud, start, kept, pose, DIMENSIONS[bag.types[chosen]])
     unit.warn(path)
     odometry.warn(path)
     _warn(path, chosen, finder, len(found), seen, tilted)
     if finder:
-        _warn_of_fixed_clouds(path, chosen, frames, len(places), len(found), bag)
+        _warn_of_fixed_clouds(path, chosen, frames, len(poses_seen), len(found), bag)
     if not found.returns():
         raise InputError(
             f"{path}: expected beams of {min_range_m} to {max_range_m} m on {chosen}, found none in {seen} scans{unit.hint(max_range_m)}"
@@ -105,10 +111,10 @@ def read_bag(
     return found.whole()
 
 
-def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], places: int, found: int, bag: _Bag) -> None:
+def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, found: int, bag: _Bag) -> None:
     """Clouds that a SLAM has put in its own fixed frame carry no place of the sensor: all of their beams would start at one."""
     stands = sorted(frames & FIXED)
-    if stands or (places == 1 and found >= 5):
+    if stands or (poses == 1 and found >= 5):
         others = ", ".join(name for name in bag.scan_topics() if name != topic) or "none"
         said = f"are in the frame {stands[0]}, which stands still" if stands else f"come from one place, all {found} of them"
         warnings.warn(
