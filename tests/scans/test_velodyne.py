@@ -1,4 +1,6 @@
+import os
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -51,3 +53,68 @@ def test_four_numbers_a_return_whatever_the_size(tmp_path, scale):
     whole = np.arange(80, dtype="<f4").reshape(-1, 4)
     whole.tofile(tmp_path / "b.bin")
     np.testing.assert_array_equal(read_velodyne(tmp_path / "b.bin").points, whole[:, :3])
+
+
+def street(count):
+    """(count, 4): a spinning lidar's returns of the ground and of a wall, firing after firing of 32 lasers, and their intensities."""
+    azimuth = 2 * np.pi * (np.arange(count) // 32) / max(count // 32, 1)
+    down = np.radians(np.linspace(-30, 10, 32))[np.arange(count) % 32]
+    length = np.minimum(1.8 / np.maximum(-np.sin(down), 1e-3), 12 / np.maximum(np.abs(np.cos(azimuth)), 0.2))
+    flat = length * np.cos(down)
+    place = np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), length * np.sin(down)])
+    return np.column_stack([place + RNG.normal(0, 0.02, place.shape), RNG.random(count)])
+
+
+RING, TIME = np.arange(4800) % 32, np.linspace(0, 0.1, 4800)
+OTHERS = {
+    "xyz": (3, street(4800)[:, :3]),
+    "time": (5, np.column_stack([street(4800), TIME])),
+    "ring and time": (6, np.column_stack([street(4800), RING, TIME])),
+    "epoch": (6, np.column_stack([street(4800), RING, 1.62e9 + TIME])),
+    "epoch, shuffled": (6, RNG.permutation(np.column_stack([20 * street(4800), RING, 1.62e9 + TIME]))),
+    "colours": (6, np.column_stack([street(4800)[:, :3], RNG.integers(0, 256, (4800, 3))])),
+    "no returns": (6, np.where(RNG.random((4800, 1)) < 0.2, np.nan, np.column_stack([street(4800), RING, TIME]))),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_another_number_a_return(tmp_path, name):
+    width, rows = OTHERS[name]
+    rows.astype("<f4").tofile(tmp_path / "a.bin")
+    with pytest.raises(InputError, match=rf"a.bin: expected 4 numbers a return \(x, y, z, intensity\); it looks like {width}"):
+        read_velodyne(tmp_path / "a.bin")
+
+
+def random_clouds():
+    """Clouds of 4 numbers in random order and in one, near and far, flat and with no-returns; of few returns, too."""
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        rows = rng.choice([60, 120, 1200, 4800])
+        spread = rng.choice([0.01, 0.3, 5, 40, 3e6], 4)
+        cloud = rng.normal(0, spread, (rows, 4)) if seed % 2 else rng.uniform(-1, 1, (rows, 4)) * spread
+        cloud[:, 3] = [rng.integers(0, 256, rows), rng.random(rows), np.zeros(rows), cloud[:, 0]][seed % 4]
+        if seed % 3 == 0:
+            cloud = cloud[np.argsort(cloud[:, rng.integers(4)])]
+        if seed % 5 == 0:
+            cloud[rng.random(rows) < 0.5, :3] = (0, np.nan)[seed % 2]
+        yield cloud + rng.choice([0, 5e6])
+    yield street(4800)
+    yield np.tile([[10.0, 20, 30, 0], [-10, -20, -30, 1]], (600, 1))  # two sensors in turn
+
+
+def test_clouds_of_four_are_never_refused(tmp_path):
+    for cloud in random_clouds():
+        cloud.astype("<f4").tofile(tmp_path / "a.bin")
+        np.testing.assert_array_equal(read_velodyne(tmp_path / "a.bin").points, cloud.astype("<f4")[:, :3])
+
+
+def test_real_scans_are_never_refused(tmp_path):
+    """Cut to a size that every width divides, so that nothing but the numbers tells; nuScenes' without their rings."""
+    files = sorted(Path(os.environ.get("HILBERTVAE_DATA", tmp_path)).glob("3d/*/velodyne/*.bin"))
+    if not files:
+        pytest.skip("no real scans here; set HILBERTVAE_DATA to a folder that has them")
+    for path in files:
+        rows = np.fromfile(path, "<f4").reshape(-1, 5 if path.name.endswith(".pcd.bin") else 4)[:, :4]
+        rows = rows[: len(rows) // 15 * 15]
+        rows.tofile(tmp_path / "a.bin")
+        np.testing.assert_array_equal(read_velodyne(tmp_path / "a.bin").points, rows[:, :3])
