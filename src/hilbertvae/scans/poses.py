@@ -25,14 +25,20 @@ FARTHEST_M = 1e9
 
 
 def read_poses(path: str | os.PathLike) -> np.ndarray:
-    """(S, 3, 4) float64: rotation and translation in metres that take scan k from the sensor frame to the map frame.
+    """(S, 3, 4) float64: `read_timed_poses` without the times."""
+    return read_timed_poses(path)[0]
+
+
+def read_timed_poses(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | None]:
+    """(S, 3, 4) float64: rotation and translation in metres that take scan k from the sensor frame to the map frame. And their times
+    (S,), seconds, where lines have them, else None.
 
     A line is a 3 x 4 matrix row by row, `t x y z qx qy qz qw`, or `x y heading` with the heading in radians from the x axis; all lines
     are of one kind. Empty lines and those that start with # are passed over. Raises `InputError` with the line's number for anything
     else, and for a matrix or quaternion that is no rotation. Warns where times go back: they are not looked at otherwise.
     """
     path = Path(path)
-    poses, width, time, back = [], None, -math.inf, 0
+    poses, times, width, back = [], [], None, 0
     with reading(path, "poses, 12 numbers a line (or 8, as TUM writes them; or 3, x y heading)"), open(path, "rb") as file:
         for number, line in enumerate(file, start=1):
             fields = line.split()
@@ -51,15 +57,15 @@ def read_poses(path: str | os.PathLike) -> np.ndarray:
             _check(where, pose)
             poses.append(pose)
             if width == 8:
-                back = back or (number if values[0] < time else 0)
-                time = values[0]
+                back = back or (number if times and values[0] < times[-1] else 0)
+                times.append(values[0])
     if not poses:
         raise InputError(f"{path}: expected poses, found none")
     if back:
         warnings.warn(
             f"{path}, line {back}: its time is before that of the line above; poses are those of scans by their place", stacklevel=3
         )
-    return np.array(poses)
+    return np.array(poses), np.array(times) if times else None
 
 
 def read_calibration(path: str | os.PathLike) -> np.ndarray | None:

@@ -18,7 +18,8 @@ from hilbertvae.scans.file_points import check_reading, named, reading
 from hilbertvae.scans.names_in_order import names_in_order
 from hilbertvae.scans.odometry import FINDING, KISS_ICP, KissOdometry, check_poses_choice
 from hilbertvae.scans.point_files import READERS, read_points
-from hilbertvae.scans.poses import MOST_TILT_DEG, leans, lidar_poses, read_poses
+from hilbertvae.scans.pose_times import warn_of_other_times
+from hilbertvae.scans.poses import MOST_TILT_DEG, leans, lidar_poses, read_timed_poses
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
 
@@ -36,7 +37,7 @@ def read_scan_folder(
 ) -> Scans:
     """The scans of a folder, in the order of their names (`names_in_order`): 2.pcd stands before 10.pcd.
 
-    Each file is in its sensor's frame, and the pose of the same place in `poses.txt` (see `read_poses`) takes it to the map frame; of
+    Each file is in its sensor's frame, and the pose of the same place in `poses.txt` (see `read_timed_poses`) takes it to the map frame; of
     files of two coordinates, the frame's x and y are kept.
     Beams start where the file says, else where `beam_origin` says: a name of `BEAM_ORIGINS`, or three numbers in metres, sensor frame.
     Ranges as in `read_point_file`; `every` keeps each so many-th scan. Kept scans are numbered from 0, beams by their place in the file.
@@ -124,7 +125,9 @@ def _given_poses(files: list[Path], poses_path: Path, lidar_to_camera: np.ndarra
             f"{poses_path}: no such file; expected a pose for each of {len(files)} scans. Scans in the order of travel can do without: "
             f"set reading.poses={KISS_ICP} to find their poses"
         )
-    poses = read_poses(poses_path)
+    poses, times = read_timed_poses(poses_path)
     if len(poses) != len(files):
         raise InputError(f"{poses_path}: expected a pose for each scan, got {len(poses)} poses for {len(files)} scans ({files[0].parent})")
+    if times is not None:
+        warn_of_other_times(files, times, poses_path)
     return poses if lidar_to_camera is None else lidar_poses(poses, lidar_to_camera)
