@@ -82,18 +82,16 @@ def test_what_moves_counts_before_what_is_static():
     assert tree.pose("map", "base", 5)[0, 3] == 3.5 and tree.pose("map", "base", 7) is None
 
 
-def test_trees_that_are_none():
-    still = (0, 0, 0), Rotation.identity()
+def test_of_several_parents_the_one_on_the_way_counts():
     tree = TransformTree()
-    put(tree, "a", "b", still)
-    put(tree, "c", "b", still)
-    with pytest.raises(InputError, match="expected one parent of the frame b, found a and c"):
-        tree.pose("a", "b", 0)
-    tree = TransformTree()
-    put(tree, "a", "b", still)
-    put(tree, "b", "a", still)
-    with pytest.raises(InputError, match="found a loop: a in b in a"):
-        tree.pose("c", "a", 0)
+    put(tree, "odom", "base", ((1, 0, 0), Rotation.identity()))
+    put(tree, "odom_combined", "base", ((2, 0, 0), Rotation.identity()))
+    assert tree.pose("odom", "base", 0)[0, 3] == 1 and tree.pose("odom_combined", "base", 0)[0, 3] == 2
+    put(tree, "map", "odom_combined", ((5, 0, 0), Rotation.identity()))
+    assert tree.pose("map", "base", 0)[0, 3] == 7
+    put(tree, "map", "odom", ((5, 0, 0), Rotation.identity()))
+    with pytest.raises(InputError, match=r"expected one chain from base to map, found several \(base in odom and in odom_combined\)"):
+        tree.pose("map", "base", 0)
 
 
 @pytest.mark.parametrize("place", [(np.nan, 0, 0), (1e300, 0, 0)])

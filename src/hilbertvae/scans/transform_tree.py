@@ -8,6 +8,7 @@ from collections import defaultdict
 import numpy as np
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.frame_chains import are_connected, find_chain
 from hilbertvae.scans.poses import FARTHEST_M, RIGID
 from hilbertvae.scans.quaternions import rotation_matrices, slerp
 
@@ -81,18 +82,23 @@ def _inverse(pose: np.ndarray) -> np.ndarray:
 
 
 class TransformTree:
-    """Frames by name, without the leading slash that ROS 1 may have. A frame has one parent; what is static holds at all times."""
+    """Frames by name, without the leading slash that ROS 1 may have. What is static holds at all times.
+
+    A frame has one parent, or several of which one leads to where poses are wanted; see `find_chain`.
+    """
 
     def __init__(self):
         self._moving: dict[tuple[str, str], PoseTrack] = {}
         self._static: dict[tuple[str, str], PoseTrack] = {}
         self._parents: dict[str, list[str]] = defaultdict(list)
+        self._chains: dict[tuple[str, str], tuple[list[str], list[str]] | None] = {}
 
     def add(self, parent: str, child: str, stamp_ns: int, translation, rotation, static: bool) -> None:
         """A sample of the pose of `child` in `parent`; see `PoseTrack.add`. The last static one of a frame is what holds."""
         edge = parent, child = parent.lstrip("/"), child.lstrip("/")
         if parent not in self._parents[child]:
             self._parents[child].append(parent)
+            self._chains.clear()
         if static:
             self._static[edge] = PoseTrack(f"transform from {child} to {parent}")
             self._static[edge].add(stamp_ns, translation, rotation)
@@ -106,31 +112,20 @@ class TransformTree:
 
     def connects(self, fixed: str, frame: str) -> bool:
         """Whether there is a chain of transforms between two frames, at whatever time."""
-        return self._up(fixed)[-1] == self._up(frame)[-1]
+        return are_connected(self._parents, frame, fixed)
 
     def pose(self, fixed: str, frame: str, stamp_ns: int) -> np.ndarray | None:
         """(4, 4): takes points of `frame` to `fixed` at a time. None where the chain between them does not cover that time.
 
-        Raises `InputError` for a frame of several parents, for a loop, and for a transform on the way that is no rigid motion.
+        Raises `InputError` for several chains, for a loop, and for a transform on the way that is no rigid motion.
         """
-        up, down = self._up(frame), self._up(fixed)
-        shared = next((name for name in up if name in down), None)
-        if shared is None:
+        if (fixed, frame) not in self._chains:
+            self._chains[fixed, frame] = find_chain(self._parents, frame, fixed)
+        chain = self._chains[fixed, frame]
+        if chain is None:
             return None
-        there = self._climb(up[: up.index(shared) + 1], stamp_ns)
-        back = self._climb(down[: down.index(shared) + 1], stamp_ns)
+        there, back = (self._climb(names, stamp_ns) for names in chain)
         return None if there is None or back is None else _inverse(back) @ there
-
-    def _up(self, frame: str) -> list[str]:
-        """A frame and those above it, up to the root."""
-        names = [frame]
-        while parents := self._parents.get(names[-1]):
-            if len(parents) > 1:
-                raise InputError(f"transforms: expected one parent of the frame {names[-1]}, found {' and '.join(parents)}")
-            if parents[0] in names:
-                raise InputError(f"transforms: expected a tree, found a loop: {' in '.join([*names, parents[0]])}")
-            names.append(parents[0])
-        return names
 
     def _climb(self, names: list[str], stamp_ns: int) -> np.ndarray | None:
         pose = np.eye(4)
