@@ -20,6 +20,8 @@ WIDTHS = (12, 8, 3)
 """How many numbers a line may have."""
 MOST_TILT_DEG = 15.0
 """A planar laser that leans further, on a tilting unit or a fallen robot, does not see the plan of a place."""
+WOUND_RAD = 4 * math.pi
+"""Headings in radians get beyond by winding up, turn after turn, and then in small steps."""
 FARTHEST_M = 1e9
 """No place on Earth is as far from the origin of any frame; beyond, float64 loses the millimetre."""
 
@@ -35,10 +37,10 @@ def read_timed_poses(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | 
 
     A line is a 3 x 4 matrix row by row, `t x y z qx qy qz qw`, or `x y heading` with the heading in radians from the x axis; all lines
     are of one kind. Empty lines and those that start with # are passed over. Raises `InputError` with the line's number for anything
-    else, and for a matrix or quaternion that is no rotation. Warns where times go back: they are not looked at otherwise.
+    else, and for a matrix or quaternion that is no rotation. Warns where times go back, and where headings look like degrees.
     """
     path = Path(path)
-    poses, times, width, back = [], [], None, 0
+    poses, times, headings, width, back = [], [], [], None, 0
     with reading(path, "poses, 12 numbers a line (or 8, as TUM writes them; or 3, x y heading)"), open(path, "rb") as file:
         for number, line in enumerate(file, start=1):
             fields = line.split()
@@ -59,12 +61,17 @@ def read_timed_poses(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | 
             if width == 8:
                 back = back or (number if times and values[0] < times[-1] else 0)
                 times.append(values[0])
+            if width == 3:
+                headings.append(values[2])
     if not poses:
         raise InputError(f"{path}: expected poses, found none")
     if back:
         warnings.warn(
-            f"{path}, line {back}: its time is before that of the line above; poses are those of scans by their place", stacklevel=3
+            f"{path}, line {back}: its time is before that of the line above; poses are those of scans by their place", stacklevel=4
         )
+    if _in_degrees(np.array(headings)):
+        most = max(headings, key=abs)
+        warnings.warn(f"{path}: headings in radians are expected and go up to {most:.6g}, in big steps; are they degrees?", stacklevel=4)
     return np.array(poses), np.array(times) if times else None
 
 
@@ -118,6 +125,13 @@ def _from_quaternion(where: str, values: np.ndarray) -> np.ndarray:
     if abs(length - 1) > RIGID:
         raise InputError(f"{where}: expected a rigid motion, the quaternion has length {length:.6g}")
     return np.column_stack([rotation_matrices(values[4:] / length), values[1:4]])
+
+
+def _in_degrees(headings: np.ndarray) -> bool:
+    """Whether headings (H,) can hardly be radians, and can be degrees."""
+    most = np.abs(headings).max(initial=0.0)
+    steps = np.diff(headings) if len(headings) > 1 else headings
+    return bool(WOUND_RAD < most <= 360 and np.abs(steps).max() > math.pi)
 
 
 def _in_plane(x: float, y: float, heading: float) -> np.ndarray:
