@@ -200,3 +200,20 @@ def test_leaning_lasers_are_told_from_missing_poses(tmp_path):
             made.laser("/scan", float(number), "laser", RANGES[number])
     with pytest.warns(UserWarning, match="in 1 of 4 the laser leans more than 15 degrees"):
         assert len(np.unique(read_bag(tmp_path / "a.bag").scan)) == 3
+
+
+def test_a_second_laser_is_told(tmp_path):
+    with bag(tmp_path / "a.bag") as made:
+        for name in ("front", "rear", "rare"):
+            made.transform("/tf_static", 0, "base", name, LASER_ON_BASE)
+        for second in range(5):
+            made.transform("/tf", second, "odom", "base", base_in_odom(second))
+        for number in range(4):
+            made.laser("/front", number + 0.3, "front", RANGES[number])
+            made.laser("/rear", number + 0.3, "rear", RANGES[number])
+        made.laser("/rare", 0.3, "rare", RANGES[0])
+    with pytest.warns(UserWarning, match=r"read are the 4 scans of /front alone. Set reading.topic .*: /rear \(4\)$"):
+        assert read_bag(tmp_path / "a.bag").scan.max() == 3
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_bag(tmp_path / "a.bag", topic="/front")

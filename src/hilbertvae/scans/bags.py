@@ -171,7 +171,7 @@ class _Bag:
         return sorted(name for name, kind in self.types.items() if kind in DIMENSIONS)
 
     def scan_topic(self, wanted: str | None) -> str:
-        """The topic of scans that is asked for, else the one with most messages."""
+        """The topic of scans that is asked for, else the one with most messages; then warns of others with half as many and more."""
         topics = {name: self.counts[name] for name in self.scan_topics() if self.counts[name] or name == wanted}
         if wanted is not None and wanted not in topics:
             wanted = next((name for name in topics if name.lstrip("/") == wanted.lstrip("/")), wanted)
@@ -179,7 +179,17 @@ class _Bag:
             found = ", ".join(f"{name} ({self.types[name]}, {count})" for name, count in sorted(self.counts.items())) or "none"
             asked = f"the topic {wanted}, of " if wanted is not None else ""
             raise InputError(f"{self.path}: expected {asked}sensor_msgs/LaserScan or sensor_msgs/PointCloud2, found topics {found}")
-        return wanted if wanted is not None else max(sorted(topics), key=topics.get)
+        if wanted is not None:
+            return wanted
+        chosen = max(sorted(topics), key=topics.get)
+        others = [f"{name} ({count})" for name, count in topics.items() if name != chosen and 2 * count >= topics[chosen]]
+        if others:
+            warnings.warn(
+                f"{self.path}: read are the {topics[chosen]} scans of {chosen} alone. Set reading.topic for another; other topics of "
+                f"scans: {', '.join(others)}",
+                stacklevel=3,
+            )
+        return chosen
 
     def poses(self, fixed_frame: str | None) -> BagPoses:
         """The transforms of the bag, and its odometry: of several such topics, the one with most messages."""
