@@ -22,6 +22,14 @@ def test_no_returns_of_a_laser(tmp_path):
         read_bag(tmp_path / "a.bag", topic="/none")
 
 
+@pytest.mark.parametrize("high", [0.0, 0.1, -1.0])
+def test_a_range_max_that_was_never_set_is_no_limit(tmp_path, high):
+    with bag(tmp_path / "a.bag") as made:
+        made.transform("/tf", 0, "map", "laser", ((0, 0, 0), turned(0)))
+        made.laser("/scan", 0.0, "laser", [float("inf"), 0, 0.05, 5, 29.9, 70.0, 81.0], high=high)
+    assert read_bag(tmp_path / "a.bag").beam.tolist() == [3, 4, 5]
+
+
 def test_no_returns_of_a_cloud(tmp_path):
     points = np.array([[1, 2, 3], [np.nan] * 3, [0, 0, 0], [np.inf, 0, 0], [4, 5, 6], [79, 79, 79]], dtype=float)
     with bag(tmp_path / "a.bag") as made:

@@ -28,6 +28,13 @@ def test_a_viewpoint_is_the_origin_and_turns_nothing(tmp_path, encoding):
     assert read_pcd(write_pcd(tmp_path / "b.pcd", POINTS, encoding)).origins is None
 
 
+@ENCODINGS
+def test_a_viewpoint_of_zeros_says_nothing(tmp_path, encoding):
+    assert read_pcd(write_pcd(tmp_path / "a.pcd", POINTS, encoding, viewpoint=(0.0,) * 7)).origins is None
+    placed = read_pcd(write_pcd(tmp_path / "b.pcd", POINTS, encoding, viewpoint=(1.0, *(0.0,) * 6)))
+    np.testing.assert_array_equal(placed.origins, [1, 0, 0])
+
+
 def write(tmp_path, data, **changed):
     lines = {"VERSION": "0.7", "FIELDS": "x y z", "SIZE": "4 4 4", "TYPE": "F F F", "COUNT": "1 1 1", "WIDTH": "2", "HEIGHT": "1"}
     lines |= {"VIEWPOINT": "0 0 0 1 0 0 0", "POINTS": "2", "DATA": "ascii"} | changed

@@ -17,12 +17,14 @@ def read_laser_scan(message) -> np.ndarray:
     """(N, 3) float64, metres, sensor frame, z = 0, one row a range: NaN where there is no return.
 
     No return is what the message's definition says, a range outside `range_min` to `range_max`, NaN and inf; besides 0, and
-    `range_max` itself, which drivers write for it. Raises `InputError` where angles or limits are no numbers.
+    `range_max` itself, which drivers write for it. A `range_max` that is not above `range_min` was never set, and is no limit.
+    Raises `InputError` where angles or limits are no numbers.
     """
     ranges = np.asarray(message.ranges, dtype=np.float64)
     first, step, low, high = (float(getattr(message, name)) for name in ("angle_min", "angle_increment", "range_min", "range_max"))
     if not np.isfinite([first, step, low]).all() or np.isnan(high):
         raise InputError(f"expected angles and a range_min that are numbers, got {first}, {step} and {low}, range_max {high}")
+    high = high if high > low else np.inf
     returned = np.isfinite(ranges) & (ranges > 0) & (ranges >= low) & (ranges < high)
     ranges = np.where(returned, ranges, np.nan)
     angles = first + step * np.arange(len(ranges))

@@ -18,7 +18,8 @@ MAX_VALUES = 1024
 OLD_VERSIONS = {".5", "0.5", ".6", "0.6"}
 """Read like 0.7: the lines that files of these may lack, COUNT and VIEWPOINT, have defaults. pypcd4 knows 0.7 alone."""
 DEFAULT_VIEWPOINT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-"""tx ty tz qw qx qy qz: what writers put that don't know where the sensor stood."""
+NO_VIEWPOINTS = (DEFAULT_VIEWPOINT, (0.0,) * 7)
+"""tx ty tz qw qx qy qz: what writers put that don't know where the sensor stood, some of them nothing but zeros."""
 
 
 def read_pcd(path: str | os.PathLike) -> FilePoints:
@@ -112,7 +113,7 @@ def _check(path: Path, file, header) -> list[str]:
 
 
 def _given_origin(path: Path, header, names: list[str]) -> np.ndarray | None:
-    if header.viewpoint == DEFAULT_VIEWPOINT:
+    if header.viewpoint in NO_VIEWPOINTS:
         return None
     origin = np.array(header.viewpoint[: len(names)], dtype=np.float64)
     if not np.isfinite(origin).all():
