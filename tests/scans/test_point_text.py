@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans import point_text
 from hilbertvae.scans.point_text import read_point_text
 
 
@@ -63,3 +64,49 @@ def test_bad_files_are_named(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(InputError, match=f"a.xyz.*{message}"):
         read_point_text(path)
+
+
+ROWS = ["1 2 3 4", "x y z t", "# t x y z", "//1 2 3 4", "# note", "", "   ", "nan 2 3 4", "1 2 3 4 # end", "1 2 3 4 // end", "1 2 3"]
+ROWS += ["1 2", "a 2 3 4", "1  2 3 4 ", "1 2 3 4 5", "//a 2 3 4", "   # 1"]
+
+
+def answer(path):
+    try:
+        return read_point_text(path).points.tolist()
+    except InputError as error:
+        return str(error)
+
+
+def test_files_that_numpy_reads_by_itself_have_the_same_answers(tmp_path, monkeypatch):
+    """Random files of sound and unsound rows, with all delimiters and ends of lines, read both ways."""
+    rng, quick = np.random.default_rng(0), point_text._plain_table
+    path = tmp_path / "a.xyz"
+    for _ in range(1500):
+        sound = ["1 2 3 4", "-5.5 6e2 7 8"] * (2 * rng.integers(4))
+        rows = [*rng.choice(ROWS, rng.integers(1, 3)), *sound, *rng.choice(ROWS, rng.integers(3))]
+        mark, end, last = rng.choice([" ", ",", ";", "\t"]), rng.choice(["\n", "\r\n", "\n", "\r"]), rng.choice(["", ",", ",,,"])
+        text = "\ufeff" * (rng.random() < 0.1) + end.join(row.replace(" ", mark) for row in [*rows, last.replace(",", mark)])
+        path.write_text(text, newline="", encoding="utf-8")
+        found = answer(path)
+        monkeypatch.setattr(point_text, "_plain_table", lambda *given: None)
+        expected = answer(path)
+        monkeypatch.setattr(point_text, "_plain_table", quick)
+        assert repr(found) == repr(expected), text
+
+
+@pytest.mark.parametrize("text", ["1 2 3\n4 5 6\n", "x,y,z\r\n1,2,3\r\n", "# t x y z\n\n9 1 2 3\n"])
+def test_a_plain_file_is_left_to_numpy(tmp_path, monkeypatch, text):
+    (tmp_path / "a.xyz").write_text(text, newline="")
+    monkeypatch.setattr(point_text, "number_table", None)
+    assert len(read_point_text(tmp_path / "a.xyz").points)
+
+
+@pytest.mark.parametrize("block", [1, 2, 3, 100])
+@pytest.mark.parametrize("odd", ["//", "\r"])
+def test_what_is_odd_is_seen_across_blocks(tmp_path, monkeypatch, block, odd):
+    monkeypatch.setattr(point_text, "BLOCK", block)
+    for place in range(4):
+        (tmp_path / "a.xyz").write_text("1 2 3\r\n" + " " * place + odd + " 4\r\n", newline="")
+        assert point_text._plain_table(tmp_path / "a.xyz", None, None, 0) is None
+    (tmp_path / "a.xyz").write_text("1 2 3\r\n4 5 6\r\n", newline="")
+    assert point_text._plain_table(tmp_path / "a.xyz", None, None, 0).tolist() == [[1, 2, 3], [4, 5, 6]]

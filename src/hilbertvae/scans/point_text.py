@@ -15,6 +15,8 @@ from hilbertvae.scans.file_points import FilePoints, NoRows, reading
 
 MAX_LINE = 65536
 """Bytes of the longest first line: a table of points has tens of columns, a foreign file may have no line end at all."""
+BLOCK = 2**20
+"""Bytes that are looked through at a time."""
 COMMENTS = ("#", "//")
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
@@ -40,13 +42,13 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
     with reading(path, "a text file of points"), open(path, "rb") as file:
         if file.read(len(BYTE_ORDER_MARK)) != BYTE_ORDER_MARK:
             file.seek(0)
-        start, first, comment = file.tell(), b"", b""
+        start, first, comment, above = file.tell(), b"", b"", 0
         for line in iter(lambda: file.readline(MAX_LINE), b""):
             first = line.strip()
             if first and not first.startswith((b"#", b"//")):
                 break
             comment = first or comment
-            start, first = file.tell(), b""
+            start, first, above = file.tell(), b"", above + line.endswith(b"\n")
         if not first:
             raise NoRows(f"{path}: expected lines of numbers, found none")
         delimiter = next((mark for mark in (",", ";") if mark.encode() in first), None)
@@ -56,15 +58,37 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
             coordinates = _commented_columns(comment, delimiter, len(fields)) or coordinates
         else:
             columns = _named_columns(path, fields)
-            start = file.tell()
-        file.seek(start)
-        lines = file if delimiter is None else (_filled(line, delimiter.encode(), len(fields)) for line in file)
-        table = number_table(lines, delimiter, columns)
+            start, above = file.tell(), above + line.endswith(b"\n")
+        table = _plain_table(path, delimiter, columns, above)
+        if table is None:
+            file.seek(start)
+            lines = file if delimiter is None else (_filled(line, delimiter.encode(), len(fields)) for line in file)
+            table = number_table(lines, delimiter, columns)
         if not len(table):
             raise NoRows(f"{path}: expected lines of numbers, found none")
         if table.shape[1] < 2:
             raise InputError(f"{path}: expected 2 or more columns, found {table.shape[1]}")
         return FilePoints(table[:, coordinates])
+
+
+def _plain_table(path: Path, delimiter: str | None, columns: Sequence[int] | None, above: int) -> np.ndarray | None:
+    """`number_table` of a file below its first lines, in half the time, or None where rows need a closer look.
+
+    numpy reads a file by itself twice as fast as line by line, but then knows comments of one kind alone, and \\r as an end of lines.
+    """
+    last = b""
+    with open(path, "rb") as file:
+        for block in iter(lambda: file.read(BLOCK), b""):
+            seen = last + block
+            if b"//" in seen or seen.removesuffix(b"\r").count(b"\r") != seen.count(b"\r\n"):
+                return None
+            last = seen[-1:]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return np.loadtxt(str(path), np.float64, "#", delimiter, skiprows=above, usecols=columns, ndmin=2, encoding="latin1")
+    except ValueError:
+        return None
 
 
 def _filled(line: bytes, delimiter: bytes, columns: int) -> bytes:
