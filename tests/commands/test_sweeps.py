@@ -185,12 +185,23 @@ class TestASweepSurvives:
         assert not list(tmp_path.glob("**/result.json"))
         named = re.search(r"add '(hydra.sweep.subdir=.*)'", done.stderr)[1]
         assert named == "hydra.sweep.subdir=validation_gap_m-${validation_gap_m}"
-        cases = ["validation_gap_m=1.5,2.5", "network=gated,gated_cae", "mapper=[nearest]", "evaluation.occlusion=false"]
-        many = subprocess.run([*TRAIN, "-m", "debug=fast", *cases], cwd=tmp_path, capture_output=True, text=True, check=False)
-        named = re.search(r"add '(hydra.sweep.subdir=.*)'", many.stderr)[1]
-        subprocess.run([*TRAIN, "-m", "debug=fast", *cases, named], cwd=tmp_path, capture_output=True, check=True)
+
+    def test_the_name_that_is_proposed_for_folders_tells_jobs_apart(self, tmp_path):
+        words = [
+            *TRAIN,
+            "-m",
+            "debug=fast",
+            "start=random,quick_means",
+            "mapper=[all-occupied]",
+            "evaluation.occlusion=false",
+            "pictures=false",
+        ]
+        refused = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+        named = re.search(r"add '(hydra.sweep.subdir=.*)'", refused.stderr)[1]
+        assert named == "hydra.sweep.subdir=start-${hydra:runtime.choices.start}"
+        subprocess.run([*words, named], cwd=tmp_path, capture_output=True, check=True)
         folders = {path.parent.name for path in tmp_path.glob("outputs/debug/run/*/result.json")}
-        assert folders == {f"validation_gap_m-{gap}_network-{kind}" for gap in (1.5, 2.5) for kind in ("gated", "gated_cae")}
+        assert folders == {"start-random", "start-quick_means"}
 
     def test_stopped_half_way_a_job_has_no_result_of_other_settings(self, tmp_path, monkeypatch):
         settings = settings_of("debug=fast", "mapper=[nearest]")
