@@ -185,6 +185,8 @@ class TestASweepSurvives:
         assert not list(tmp_path.glob("**/result.json"))
         named = re.search(r"add '(hydra.sweep.subdir=.*)'", done.stderr)[1]
         assert named == "hydra.sweep.subdir=validation_gap_m-${validation_gap_m}"
+        one_place = ["cases/ablation=default,adamw", "hydra.sweep.subdir=x"]
+        assert "add 'hydra.sweep.subdir=ablation-${hydra:runtime.choices.cases/ablation}'" in multirun(tmp_path, *one_place).stderr
 
     def test_the_name_that_is_proposed_for_folders_tells_jobs_apart(self, tmp_path):
         words = [

@@ -134,3 +134,11 @@ def test_a_seed_that_is_no_whole_number(room, seed):
 def test_a_grid_that_is_none(room):
     with pytest.raises(InputError, match="grid: expected GridSettings or None, got 3"):
         fit(HilbertMap(grid=3), gapped(room))
+
+
+@pytest.mark.parametrize("setting", ["evidence", "fill"])
+def test_a_choice_that_is_none_is_named_in_a_map_that_grows_too(room, setting):
+    cloud = gapped(room)
+    mapper = fit(HilbertMap(reconstructor()), cloud).set_params(**{setting: "off"})
+    with pytest.raises(InputError, match=f"{setting}: expected True or False, got 'off'"):
+        mapper.partial_fit(cloud.points, cloud.occupied)

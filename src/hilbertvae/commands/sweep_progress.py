@@ -93,10 +93,10 @@ def telling_subdir(config: DictConfig) -> str:
     for words in job_overrides(config):
         for key, _, value in (word.lstrip("+").partition("=") for word in words):
             values.setdefault(key, set()).add(value)
-    groups = GlobalHydra.instance().config_loader().list_groups("")
     parts = []
     for key in (key for key, found in values.items() if len(found) > 1):
-        parts.append(f"{key.rpartition('.')[2]}-${{{f'hydra:runtime.choices.{key}' if key in groups else key}}}")
+        value = f"hydra:runtime.choices.{key}" if key in config.hydra.runtime.choices else key
+        parts.append(f"{key.replace('/', '.').rpartition('.')[2]}-${{{value}}}")
     return f"'hydra.sweep.subdir={'_'.join(parts)}'"
 
 

@@ -60,14 +60,15 @@ class CompletingMapper(Mapper):
             raise InputError(f"grid: expected GridSettings or None, got {self.grid!r}")
         check_calibration(self.calibration)
         check_not_negative(self.ridge, "ridge")
-        for name in ("evidence", "fill"):
-            if not isinstance(value := getattr(self, name), (bool, np.bool_)):
-                raise InputError(f"{name}: expected True or False, got {value!r}")
 
     def _check_network(self, dimension: int) -> None:
+        """What may have been set since the map was begun, too."""
         if self.reconstructor is not None and self.reconstructor.dimension != dimension:
             raise InputError(f"points: the network is for {self.reconstructor.dimension}D, got {dimension}D points")
         check_device(self.device)
+        for name in ("evidence", "fill"):
+            if not isinstance(value := getattr(self, name), (bool, np.bool_)):
+                raise InputError(f"{name}: expected True or False, got {value!r}")
 
     @property
     def detailed_(self) -> bool:

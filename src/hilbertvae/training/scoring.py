@@ -73,11 +73,11 @@ def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
         known = {len(weights["unseen"]) - 1 for weights in network.weights.values()}
         if mapper.inner_radius_m is None and known == {mapper.neighbours}:
             continue
-        alike = {name: getattr(mapper, name) for name in ("neighbours", "inner_radius_m", "flips", "device")}
-        key = (id(network), *alike.values())
+        chosen = {name: getattr(mapper, name) for name in ("neighbours", "inner_radius_m", "flips", "device")}
+        key = (id(network), *chosen.values())
         if key not in learned:
             _check_calibration_site(settings.data.validate, network.card)
-            anew = HilbertMap(replace(network, weights={}), **alike)
+            anew = HilbertMap(replace(network, weights={}), **chosen)
             site = opened_site(settings.data.validate, settings)
             weights = learn_rank_weights(anew, site, **settings.calibration())
             learned[key] = replace(network, weights=weights)
