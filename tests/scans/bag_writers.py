@@ -70,8 +70,11 @@ class BagOf:
         )  # fmt: skip
         self.put(topic, seconds if recorded is None else recorded, message)
 
-    def cloud(self, topic, seconds, frame, points, kind="<f4", rows=1, padding=4, **changes):
-        """Points (N, 3) with a gap after them and at the end of each row, as drivers have it; `changes` overwrite fields."""
+    def cloud(self, topic, seconds, frame, points, kind="<f4", rows=1, padding=4, times=None, **changes):
+        """Points (N, 3) with a gap after them and at the end of each row, as drivers have it; `changes` overwrite fields.
+
+        times: the name of a field of times and its numbers (N,), which go into the gap; `padding` is to have room for them.
+        """
         kind = np.dtype(kind)
         width, size = len(points) // rows, kind.itemsize
         step = 3 * size + padding
@@ -80,6 +83,10 @@ class BagOf:
         cells[..., : 3 * size] = np.asarray(points, kind).reshape(rows, width, 3).view(np.uint8).reshape(rows, width, 3 * size)
         number = {4: 7, 8: 8}[size]
         fields = [self.make("sensor_msgs/PointField", name, size * place, number, 1) for place, name in enumerate("xyz")]
+        if times:
+            (name, numbers), codes = times, {"i4": 5, "u4": 6, "f4": 7, "f8": 8}
+            fields.append(self.make("sensor_msgs/PointField", name, 3 * size, codes[numbers.dtype.str[1:]], 1))
+            cells[..., 3 * size : 3 * size + numbers.itemsize] = numbers.reshape(rows, width, 1).view(np.uint8)
         values = dict(
             header=self.header(frame, seconds), height=rows, width=width, fields=fields, is_bigendian=kind.str[0] == ">",
             point_step=step, row_step=data.shape[1], data=data.reshape(-1), is_dense=True,

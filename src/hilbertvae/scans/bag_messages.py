@@ -36,32 +36,33 @@ def read_point_cloud(message) -> np.ndarray:
 
     Raises `InputError` for a cloud without x, y and z, and for one whose sizes contradict each other or the data's, before memory is taken.
     """
-    fields = {field.name: field for field in message.fields}
-    if not {"x", "y", "z"} <= fields.keys():
-        raise InputError(f"expected fields x, y, z, the cloud has {' '.join(fields)[:60] or 'none'}")
+    names = [field.name for field in message.fields]
+    if not {"x", "y", "z"} <= set(names):
+        raise InputError(f"expected fields x, y, z, the cloud has {' '.join(names)[:60] or 'none'}")
+    return np.column_stack([read_column(message, axis).astype(np.float64) for axis in "xyz"])
+
+
+def read_column(message, name: str) -> np.ndarray:
+    """(N,) of the numbers that a field of a `PointCloud2` has, row by row, as they are; errors as `read_point_cloud`'s."""
+    field = {field.name: field for field in message.fields}[name]
     width, height, step = message.width, message.height, message.point_step
     row = message.row_step if height > 1 else width * step  # drivers of clouds without rows leave it at 0
     data = np.asarray(message.data, dtype=np.uint8)
-    if width * height == 0:
-        return np.empty((0, 3))
     needed = (height - 1) * row + width * step
+    if width * height == 0:
+        return np.empty(0)
     if width * step > row or needed > len(data):
         raise InputError(
             f"truncated or forged cloud; {width} x {height} points of {step} bytes in rows of {row} need {needed} bytes, "
             f"{len(data)} are there"
         )
-    columns = []
-    for axis in "xyz":
-        field = fields[axis]
-        kind = np.dtype(NUMBER_TYPES.get(field.datatype, "V0")).newbyteorder(">" if message.is_bigendian else "<")
-        if kind.kind == "V" or field.count != 1 or field.offset + kind.itemsize > step:
-            raise InputError(
-                f"expected {axis} as one number within the {step} bytes of a point, got datatype {field.datatype}, count {field.count} "
-                f"at byte {field.offset}"
-            )
-        values = np.ndarray((height, width), kind, data, field.offset, (row, step))
-        columns.append(values.reshape(-1).astype(np.float64))
-    return np.column_stack(columns)
+    kind = np.dtype(NUMBER_TYPES.get(field.datatype, "V0")).newbyteorder(">" if message.is_bigendian else "<")
+    if kind.kind == "V" or field.count != 1 or field.offset + kind.itemsize > step:
+        raise InputError(
+            f"expected {name} as one number within the {step} bytes of a point, got datatype {field.datatype}, count {field.count} "
+            f"at byte {field.offset}"
+        )
+    return np.ndarray((height, width), kind, data, field.offset, (row, step)).reshape(-1)
 
 
 READERS = {LASER_SCAN: read_laser_scan, POINT_CLOUD: read_point_cloud}

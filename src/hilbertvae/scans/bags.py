@@ -18,9 +18,10 @@ from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
 from hilbertvae.scans.bag_poses import FIXED_FRAMES, ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
 from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
-from hilbertvae.scans.deskewing import deskewed, sweep_ns
+from hilbertvae.scans.deskewing import deskewed_along
 from hilbertvae.scans.file_points import check_reading, extra_module, named, reading
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
+from hilbertvae.scans.point_times import SWEEP_S, beam_times, time_field
 from hilbertvae.scans.poses import MOST_TILT_DEG, leans
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
@@ -46,13 +47,15 @@ def read_bag(
     min_range_m: float = 0.0,
     every: int = 1,
     poses: str | None = None,
+    deskew: bool = True,
 ) -> Scans:
     """The scans of one topic, 2D from `sensor_msgs/LaserScan` and 3D from `sensor_msgs/PointCloud2`, in the order of the bag.
 
     topic: by default the one of such messages that has most. Poses are those of `BagPoses` at the message's time, in `fixed_frame`; a
-    scan without one is left out, with a warning. Lasers are turned beam by beam, by their `time_increment`; clouds are taken as they are,
-    deskewed or not. `poses="kiss_icp"` finds them by odometry instead, for clouds. beam_origin and ranges
-    are as in `read_scan_folder`; `every` keeps each so many-th message. Scans are numbered from 0, beams by their place in the message.
+    scan without one is left out, with a warning. `poses="kiss_icp"` finds them by odometry instead, for clouds. deskew: beams are turned
+    back one by one, where messages say when each was measured (`beam_times`); unset it for clouds that were, but still say so. beam_origin
+    and ranges are as in `read_scan_folder`; `every` keeps each so many-th message. Scans are numbered from 0, beams by their place in the
+    message.
 
     The bag is read twice, transforms and then scans, a chunk at a time: memory grows with the returns that are kept. Messages have the
     types that ROS defines, whatever definitions the bag brings along. Raises `InputError` for files that are missing or damaged, and
@@ -72,7 +75,7 @@ def read_bag(
                 raise InputError(f"reading.{name}: {chosen} of {path} are planar laser scans, where this has no meaning; leave it unset")
         finder = bag.poses(fixed_frame) if poses is None else None
         beam_origins, odometry, unit = find_beam_origins(beam_origin), KissOdometry(), UnitCheck()
-        found, seen, tilted = ScanCollector(), 0, 0
+        found, seen, tilted, untimed = ScanCollector(), 0, 0, 0
         frames, poses_seen = set(), set()
         # Odometry goes from scan to scan, so it sees those too that are left out.
         for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
@@ -82,11 +85,17 @@ def read_bag(
             lengths = beam_lengths(cloud, start)
             unit.see(lengths)
             kept = np.flatnonzero(within_range(lengths, min_range_m, max_range_m))
+            times = beam_times(message, stamp_ns, np.isfinite(lengths)) if deskew else None
             with named(str(path)):
-                pose = finder.at(message.header.frame_id, stamp_ns) if finder else odometry.register(cloud[kept])
+                if finder:
+                    pose = finder.at(message.header.frame_id, stamp_ns)
+                else:
+                    cloud, start = odometry.deskewed(cloud, start, times, stamp_ns)
+                    pose = odometry.register(cloud[kept])
             if index % every:
                 continue
             seen += 1
+            untimed += deskew and times is None and not is_flat and time_field(message) is not None
             if pose is None:
                 continue
             if is_flat and leans(pose):
@@ -94,14 +103,14 @@ def read_bag(
                 continue
             frames.add(message.header.frame_id.lstrip("/"))
             poses_seen.add(tuple(np.round(pose[:3], 3).flat))
-            if is_flat and (duration_ns := sweep_ns(message)):
-                last = finder.at(message.header.frame_id, stamp_ns + duration_ns)
-                if last is not None:  # a bag may end, or its transforms pause, within a sweep
-                    cloud, start = deskewed(cloud, start, pose, last)
+            if finder and times is not None and np.ptp(times):
+                sensor = message.header.frame_id
+                back = deskewed_along(cloud, start, times, lambda ns, of=sensor, since=stamp_ns: finder.at(of, since + ns), pose)
+                cloud, start = back or (cloud, start)
             found.add(cloud, start, kept, pose, DIMENSIONS[bag.types[chosen]])
     unit.warn(path)
     odometry.warn(path)
-    _warn(path, chosen, finder, len(found), seen, tilted)
+    _warn(path, chosen, finder, len(found), seen, tilted, untimed)
     if finder:
         _warn_of_fixed_clouds(path, chosen, frames, len(poses_seen), len(found), bag)
     if not found.returns():
@@ -124,7 +133,7 @@ def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, 
         )
 
 
-def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int, tilted: int) -> None:
+def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int, tilted: int, untimed: int) -> None:
     """One warning for what of the poses is doubtful; an `InputError` where no scan has one."""
     if finder and seen and not found:
         raise InputError(
@@ -134,6 +143,11 @@ def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int
     unposed = seen - found - tilted
     doubts = [f"{unposed} of {seen} scans of {topic} have no pose at their time and are left out"] if unposed else []
     doubts += [f"in {tilted} of {seen} the laser leans more than {MOST_TILT_DEG:.0f} degrees; they are left out"] if tilted else []
+    if untimed:
+        doubts.append(
+            f"the times of points in {untimed} of {seen} scans make no sweep of {SWEEP_S[0]:g} to {SWEEP_S[1]:g} s around its message's; "
+            "these are taken as they are"
+        )
     assumed = sorted(finder.assumed) if finder else []
     doubts += [f"no transform says where {name} is on {finder.base_frame or 'the robot'}; taken to be its origin" for name in assumed]
     if doubts:

@@ -1,28 +1,56 @@
-"""Deskewing: a planar laser turns while its robot moves, so each beam of a sweep has a pose of its own."""
+"""Deskewing: a laser turns while its robot moves, so each beam of a sweep has a pose of its own."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-LONGEST_SWEEP_S = 1.0
-"""Planar lasers turn 5 to 50 times a second; a message that says more than this has its times in another unit."""
+PIECES = 8
+"""Of a sweep, each on a line and at a constant rate: a robot's transforms come 10 to 100 times a second."""
+
+Beams = tuple[np.ndarray, np.ndarray]
 
 
-def sweep_ns(message) -> int:
-    """Nanoseconds from the first to the last beam of a `sensor_msgs/LaserScan`; 0 where its `time_increment` is not set, or nonsense."""
-    with np.errstate(over="ignore"):
-        seconds = float(message.time_increment) * (len(message.ranges) - 1)
-    return round(seconds * 1e9) if 0 < seconds <= LONGEST_SWEEP_S else 0
+def deskewed(points: np.ndarray, starts: np.ndarray, shares: np.ndarray, motion: np.ndarray) -> Beams:
+    """Both (N, 3), metres, as the sensor's frame had them at first, from where each beam had them at its own time.
 
-
-def deskewed(points: np.ndarray, starts: np.ndarray, first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Both (N, 3), metres, as the sensor's frame had them at the first beam, from where each beam k had them at its own time.
-
-    first, last: (4, 4), the sensor's poses at the first beam and at the last. Between them it goes on a line and turns at a constant rate.
+    shares: (N,), how much of the motion was done at that time. motion: (4, 4), the sensor's pose after all of it in its first frame; it
+    goes on a line and turns at a constant rate, before and after, too.
     """
-    shares = np.linspace(0.0, 1.0, len(points))[:, None]
-    back = first[:3, :3].T
-    turns = Rotation.from_rotvec(shares * Rotation.from_matrix(back @ last[:3, :3]).as_rotvec()).as_matrix()
-    shifts = shares * (back @ (last[:3, 3] - first[:3, 3]))
+    turns = Rotation.from_rotvec(shares[:, None] * Rotation.from_matrix(motion[:3, :3]).as_rotvec()).as_matrix()
+    shifts = shares[:, None] * motion[:3, 3]
     return tuple(np.einsum("nij,nj->ni", turns, part) + shifts for part in (points, starts))
+
+
+def deskewed_along(
+    points: np.ndarray, starts: np.ndarray, times_ns: np.ndarray, pose_at: Callable[[int], np.ndarray | None], pose: np.ndarray
+) -> Beams | None:
+    """Both (N, 3), metres, in the sensor's frame at `pose` (4, 4), from where each beam had them at its own time (N,).
+
+    pose_at: (4, 4) at a time, or None where none is known. Then there is no answer: a bag may end, or its transforms pause, in a sweep.
+    """
+    knots = np.unique(np.linspace(times_ns.min(), times_ns.max(), PIECES + 1).round().astype(np.int64))
+    poses = [pose_at(int(knot)) for knot in knots]
+    if any(each is None for each in poses):
+        return None
+    if len(knots) == 1:
+        knots, poses = np.append(knots, knots + 1), poses * 2
+    points, starts = points.copy(), starts.copy()
+    piece = np.clip(np.searchsorted(knots, times_ns, side="right") - 1, 0, len(knots) - 2)
+    for number in np.unique(piece):
+        chosen = np.flatnonzero(piece == number)
+        shares = (times_ns[chosen] - knots[number]) / (knots[number + 1] - knots[number])
+        moved = deskewed(points[chosen], starts[chosen], shares, _between(poses[number], poses[number + 1]))
+        back = _between(pose, poses[number])
+        points[chosen], starts[chosen] = (part @ back[:3, :3].T + back[:3, 3] for part in moved)
+    return points, starts
+
+
+def _between(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """(4, 4): `second` in the frame of `first`; exact to the last bits for places of UTM's size, too."""
+    found = np.eye(4)
+    found[:3, :3] = first[:3, :3].T @ second[:3, :3]
+    found[:3, 3] = first[:3, :3].T @ (second[:3, 3] - first[:3, 3])
+    return found

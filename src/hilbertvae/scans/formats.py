@@ -45,6 +45,9 @@ class ReadingSettings:
     """Of a bag: the topic of its scans. By default the one with most messages."""
     fixed_frame: str | None = None
     """Of a bag: the frame of the map. By default `map` if its transforms have one, else `odom`, else that of its odometry."""
+    deskew: bool = True
+    """Of a bag: beams are turned back one by one where its messages say when each was measured (a cloud's `t`, `time` or `timestamp`, a
+    laser's `time_increment`). Unset it for clouds that were deskewed before and still have the field."""
 
 
 def is_scan_path(reference: str) -> bool:
@@ -65,13 +68,14 @@ def read_scans_path(path: str | os.PathLike, reading: ReadingSettings | None = N
     """
     path, reading = Path(path), reading or ReadingSettings()
     ranges = {key: value for key in ("max_range_m", "min_range_m") if (value := getattr(reading, key)) is not None}
-    of_bags, of_logs = ("topic", "fixed_frame"), "beam_step_deg"
+    of_bags, of_logs = ("topic", "fixed_frame", "deskew"), "beam_step_deg"
     if path.name.lower().endswith(CARMEN):
         _refuse(path, "a CARMEN log", reading, "sensor_origin_m", "beam_origin", "poses", *of_bags)
         return _carmen(path, reading.every, reading.beam_step_deg, **ranges)
     if is_bag(path):
         _refuse(path, "a ROS bag", reading, "sensor_origin_m", of_logs)
-        return read_bag(path, reading.topic, reading.fixed_frame, reading.beam_origin, every=reading.every, poses=reading.poses, **ranges)
+        of_scans = {"every": reading.every, "poses": reading.poses, "deskew": reading.deskew}
+        return read_bag(path, reading.topic, reading.fixed_frame, reading.beam_origin, **of_scans, **ranges)
     if path.is_dir():
         _refuse(path, "a folder of scans", reading, "sensor_origin_m", *of_bags, of_logs)
         if bags := sorted(each.name for each in path.iterdir() if each.suffix.lower() in BAG_FILES):

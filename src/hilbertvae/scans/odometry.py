@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.deskewing import Beams, deskewed
 from hilbertvae.scans.file_points import extra_module
 
 KISS_ICP = "kiss_icp"
@@ -44,8 +45,17 @@ class KissOdometry:
     def __init__(self):
         self._kiss = self._voxel_m = self._range_m = None
         self._before: cKDTree | None = None
+        self._stamp_ns: int | None = None
         self.fits: list[float] = []
         """How well each scan from the second on fits the one before: 0 is best, 1 is not at all (see `_fit`)."""
+
+    def deskewed(self, points: np.ndarray, starts: np.ndarray, times_ns: np.ndarray | None, stamp_ns: int) -> Beams:
+        """Both (N, 3), metres, as the sensor's frame at `stamp_ns` has them, if it moves on as it did from the scan before, which is all
+        that is known before a scan is registered. times_ns: (N,), when each beam was measured, after `stamp_ns`."""
+        since_ns, self._stamp_ns = 0 if self._stamp_ns is None else stamp_ns - self._stamp_ns, stamp_ns
+        if times_ns is None or since_ns <= 0 or not self.fits:
+            return points, starts
+        return deskewed(points, starts, times_ns / since_ns, self._kiss.last_delta)
 
     def register(self, points: np.ndarray) -> np.ndarray:
         """(3, 4) float64, the pose of a scan's `points (N, 3)`, finite, metres, sensor frame. A scan without points moves on as before."""
