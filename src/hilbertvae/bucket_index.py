@@ -21,8 +21,8 @@ class BucketIndex:
         bucket = self._bucket(points)
         self.shape = bucket.max(axis=0) + 1 if len(points) else np.ones(points.shape[1], np.int64)
         key = np.ravel_multi_index(tuple(bucket.T), tuple(self.shape))
-        self.order = np.argsort(key, kind="stable")
-        self.keys = key[self.order]
+        self.order = _narrow(np.argsort(key, kind="stable"), len(points))
+        self.keys = _narrow(key[self.order], int(np.prod(self.shape)))
 
     def _bucket(self, points: np.ndarray) -> np.ndarray:
         return np.floor((points - self.low) / self.size_m).astype(np.int64)
@@ -37,8 +37,9 @@ class BucketIndex:
             row = first[:, :-1] + np.array(step, np.int64)
             box = np.flatnonzero((row <= last[:, :-1]).all(axis=1) & (first <= last).all(axis=1))
             key = np.ravel_multi_index((*row[box].T, first[box, -1]), tuple(self.shape))
-            starts.append(np.searchsorted(self.keys, key, "left"))
-            ends.append(np.searchsorted(self.keys, key + (last - first)[box, -1], "right"))
+            of = self.keys.dtype  # another's would have all keys copied
+            starts.append(np.searchsorted(self.keys, key.astype(of), "left"))
+            ends.append(np.searchsorted(self.keys, (key + (last - first)[box, -1]).astype(of), "right"))
             boxes.append(box)
         if not boxes:
             return np.empty(0, np.int64), np.empty(0, np.int64)
@@ -54,3 +55,8 @@ class BucketIndex:
             place = axis[point]
             inside &= (place >= lowest[box]) & (place <= highest[box])
         return box[inside], point[inside]
+
+
+def _narrow(numbers: np.ndarray, end: int) -> np.ndarray:
+    """`numbers` from 0 to below `end` in as few bytes as hold them: of 2e7 points an index is kept while a network completes their map."""
+    return numbers.astype(np.int32) if end <= np.iinfo(np.int32).max else numbers

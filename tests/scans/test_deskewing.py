@@ -132,8 +132,8 @@ def test_times_that_make_no_sweep_are_told(tmp_path):
 
 
 def wall_m(points):
-    """The mean distance of returns to the nearest wall of a room of 16 x 12 m, none more than 0.5, when the room lies as fits them best: the
-    map's frame is that of a first scan that nothing turns back."""
+    """The mean distance of returns to the nearest wall of a room of 16 x 12 m, none more than 0.5, where the room lies as fits them best:
+    the map's frame is that of a first scan that nothing turns back."""
 
     def distance(pose):
         cosine, sine = np.cos(pose[2]), np.sin(pose[2])

@@ -6,6 +6,7 @@ Points are moved into the frame and binned once, there; a grid is never rotated 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,61 +25,92 @@ CELLS_AT_ONCE = 2**18
 """Cells counted at a time: few enough that they and their points stay in the processor's cache. Changes no number."""
 
 
-def bin_points(cloud: Cloud, frames: Frames, cells: int) -> tuple[np.ndarray, np.ndarray]:
+class IndexedCloud:
+    """A cloud whose points in boxes of about `side_m` are found without a look at all others: made once for many frames, it spares a
+    sort of all points for each binning."""
+
+    def __init__(self, cloud: Cloud, side_m: float):
+        self.cloud = cloud
+        self.index = BucketIndex(cloud.points, side_m / 4)
+
+    @classmethod
+    def around(cls, cloud: Cloud | IndexedCloud, frames: Frames) -> IndexedCloud:
+        """That cloud, for boxes of these frames."""
+        return cloud if isinstance(cloud, IndexedCloud) else cls(cloud, float(np.median(frames.scale)))
+
+
+class Members(NamedTuple):
+    """frames: some that follow each other. box, point, cell: (P,) which points of the cloud lie in which of these, counted from their
+    first, and in which cell of its grid."""
+
+    frames: slice
+    box: np.ndarray
+    point: np.ndarray
+    cell: np.ndarray
+
+    def count(self) -> int:
+        """How many frames there are."""
+        return self.frames.stop - self.frames.start
+
+
+def bin_points(cloud: Cloud | IndexedCloud, frames: Frames, cells: int) -> tuple[np.ndarray, np.ndarray]:
     """(hits, frees), each (M, cells, ..., cells) float32: the summed weights of the occupied and free points in each cell.
 
     Axis d of a grid is axis d of the frame; cell i of it covers [i / cells - 1/2, (i + 1) / cells - 1/2).
     """
     shape = (len(frames), *(cells,) * frames.centre.shape[1])
     hits, frees = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    for chosen, *counts in bin_portions(cloud, frames, cells):
-        hits[chosen], frees[chosen] = counts
+    for found, of in members(cloud, frames, cells):
+        hits[found.frames], frees[found.frames] = count_votes(of, found, shape[1:])
     return hits, frees
 
 
-def bin_portions(cloud: Cloud, frames: Frames, cells: int) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-    """`bin_points` for some frames after the other, (frames, hits, frees), so that the counts of all never lie in memory at once."""
-    count, dimension = frames.centre.shape
-    if not len(cloud) or not count:
+def bin_places(cloud: Cloud | IndexedCloud, frames: Frames, cells: int) -> np.ndarray:
+    """int8 (M, D, cells, ..., cells): where in each cell its returns lie (`mean_places`)."""
+    dimension = frames.centre.shape[1]
+    places = np.zeros((len(frames), dimension, *(cells,) * dimension), np.int8)
+    for found, of in members(cloud, frames, cells):
+        places[found.frames] = mean_places(of, frames, found, cells)
+    return places
+
+
+def members(cloud: Cloud | IndexedCloud, frames: Frames, cells: int) -> Iterator[tuple[Members, Cloud]]:
+    """The points in the boxes of some frames after the other, and the cloud that they are of: few enough at a time to stay in the
+    processor's cache. None without points."""
+    if not len(cloud.cloud if isinstance(cloud, IndexedCloud) else cloud) or not len(frames):
         return
-    size = cells**dimension
-    for chosen, box, point, cell in _members(cloud, frames, cells):
-        grids = chosen.stop - chosen.start
-        flat = (cloud.occupied[point] * grids + box) * size + cell
-        portion = np.bincount(flat, weights=cloud.weight[point], minlength=2 * grids * size)
-        frees, hits = portion.astype(np.float32).reshape(2, -1, *(cells,) * dimension)
-        yield chosen, hits, frees
-
-
-def bin_places(cloud: Cloud, frames: Frames, cells: int) -> np.ndarray:
-    """int8 (M, D, cells, ..., cells): where in each cell its points lie, on average by weight, from the cell's middle along each axis of
-    the frame, in `PLACE_STEPS`ths of a cell; 0 in empty cells."""
-    count, dimension = frames.centre.shape
-    places = np.zeros((count, dimension, cells**dimension), np.int8)
-    if not len(cloud) or not count:
-        return places.reshape(count, dimension, *(cells,) * dimension)
-    for chosen, box, point, cell in _members(cloud, frames, cells):
-        flat, weight = box * cells**dimension + cell, cloud.weight[point]
-        length = (chosen.stop - chosen.start) * cells**dimension
-        total = np.maximum(np.bincount(flat, weights=weight, minlength=length), 1e-9)
-        within = (frames.into(cloud.points[point], box + chosen.start) + 0.5) * cells + SLACK
-        within -= np.floor(within) + 0.5
-        for axis, moved in enumerate(within.T):
-            mean = np.bincount(flat, weights=weight * moved, minlength=length) / total
-            places[chosen, axis] = np.round(PLACE_STEPS * mean).reshape(-1, cells**dimension)
-    return places.reshape(count, dimension, *(cells,) * dimension)
-
-
-def _members(cloud: Cloud, frames: Frames, cells: int) -> Iterator[tuple[slice, np.ndarray, np.ndarray, np.ndarray]]:
-    """(frames, box, point, cell) for some frames after the other: which points lie in which box of these, and in which cell of it."""
+    cloud = IndexedCloud.around(cloud, frames)
     at_once = max(1, CELLS_AT_ONCE // cells ** frames.centre.shape[1])
-    index = BucketIndex(cloud.points, float(np.median(frames.scale)) / 4)
     low, high = frames.boxes()
     for start in range(0, len(frames), at_once):
         chosen = slice(start, min(start + at_once, len(frames)))
-        box, point = index.in_boxes(low[chosen], high[chosen])
-        cell, inside = cell_index(frames, cloud.points[point], box + start, cells)
-        yield chosen, box[inside], point[inside], cell[inside]
+        box, point = cloud.index.in_boxes(low[chosen], high[chosen])
+        cell, inside = cell_index(frames, cloud.cloud.points[point], box + start, cells)
+        yield Members(chosen, box[inside], point[inside], cell[inside]), cloud.cloud
+
+
+def count_votes(cloud: Cloud, found: Members, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """(hits, frees), each (B, *shape) float32, as of `bin_points`, of the frames found."""
+    grids, size = found.count(), int(np.prod(shape))
+    flat = (cloud.occupied[found.point] * grids + found.box) * size + found.cell
+    portion = np.bincount(flat, weights=cloud.weight[found.point], minlength=2 * grids * size)
+    frees, hits = portion.astype(np.float32).reshape(2, grids, *shape)
+    return hits, frees
+
+
+def mean_places(cloud: Cloud, frames: Frames, found: Members, cells: int) -> np.ndarray:
+    """int8 (B, D, cells, ..., cells): where in each cell its returns lie, on average by weight, from the cell's middle along each axis of
+    the frame, in `PLACE_STEPS`ths of a cell; 0 in cells without."""
+    dimension = frames.centre.shape[1]
+    returns = np.flatnonzero(cloud.occupied[found.point])
+    box, point, length = found.box[returns], found.point[returns], found.count() * cells**dimension
+    flat, weight = box * cells**dimension + found.cell[returns], cloud.weight[point]
+    total = np.maximum(np.bincount(flat, weights=weight, minlength=length), 1e-9)
+    within = (frames.into(cloud.points[point], box + found.frames.start) + 0.5) * cells + SLACK
+    within -= np.floor(within) + 0.5
+    sums = [np.bincount(flat, weights=weight * moved, minlength=length) for moved in within.T]
+    means = np.stack([np.round(PLACE_STEPS * total_moved / total) for total_moved in sums])
+    return means.astype(np.int8).reshape(dimension, found.count(), *(cells,) * dimension).swapaxes(0, 1)
 
 
 def cell_index(frames: Frames, points: np.ndarray, frame: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
 from hilbertvae.clusters.clusters import Clusters
 from hilbertvae.clusters.starts import check_start, find_clusters
-from hilbertvae.grids.aligned_grid import UNKNOWN, bin_places, bin_portions, count_code, vote
+from hilbertvae.grids.aligned_grid import UNKNOWN, IndexedCloud, count_code, count_votes, mean_places, members, vote
 from hilbertvae.grids.frame import Frames, FrameSettings, cluster_frames
 
 COUNTS, PLACES = slice(1, 3), 3
@@ -77,21 +77,19 @@ def find_frames(cloud: Cloud, settings: GridSettings, seed: int) -> Frames:
     return frames_of(cloud_clusters(cloud, settings, seed), cloud, settings)
 
 
-def bin_grids(cloud: Cloud, frames: Frames, settings: GridSettings) -> np.ndarray:
+def bin_grids(cloud: Cloud | IndexedCloud, frames: Frames, settings: GridSettings) -> np.ndarray:
     """int8 grids (M, n, ..., n) of all points of the cloud in the frames' boxes."""
     return _bin_channels(cloud, frames, settings, 1, lambda hits, frees: ())[:, 0]
 
 
-def bin_detailed(cloud: Cloud, frames: Frames, settings: GridSettings) -> np.ndarray:
+def bin_detailed(cloud: Cloud | IndexedCloud, frames: Frames, settings: GridSettings) -> np.ndarray:
     """int8 (M, 3 + D, n, ..., n) of all points of the cloud in the frames' boxes: in each cell its label, as of `bin_grids`, how many
-    returns it has and how many free samples (`count_code`), and where in it its returns lie (`bin_places`)."""
+    returns it has and how many free samples (`count_code`), and where in it its returns lie (`mean_places`)."""
     channels = PLACES + frames.centre.shape[1]
-    grids = _bin_channels(cloud, frames, settings, channels, lambda hits, frees: (count_code(hits), count_code(frees)))
-    grids[:, PLACES:] = bin_places(cloud.select(cloud.occupied), frames, settings.cells)
-    return grids
+    return _bin_channels(cloud, frames, settings, channels, lambda hits, frees: (count_code(hits), count_code(frees)), places=True)
 
 
-def bin_shown(cloud: Cloud, frames: Frames, settings: GridSettings, detailed: bool) -> np.ndarray:
+def bin_shown(cloud: Cloud | IndexedCloud, frames: Frames, settings: GridSettings, detailed: bool) -> np.ndarray:
     """What a network is shown: `bin_detailed`, or labels alone (`bin_grids`)."""
     return (bin_detailed if detailed else bin_grids)(cloud, frames, settings)
 
@@ -101,12 +99,18 @@ def bin_voted(cloud: Cloud, frames: Frames, settings: GridSettings, free_share: 
     return _bin_channels(cloud, frames, settings, 2, lambda hits, frees: (count_code(hits + free_share * frees),))
 
 
-def _bin_channels(cloud: Cloud, frames: Frames, settings: GridSettings, channels: int, details: Callable) -> np.ndarray:
-    """int8 (M, channels, n, ..., n): labels, what `details(hits, frees)` makes of the votes, and 0 in the channels that are left."""
-    grids = np.full((len(frames), channels, *(settings.cells,) * frames.centre.shape[1]), UNKNOWN, np.int8)
-    for chosen, hits, frees in bin_portions(cloud, frames, settings.cells):
-        for channel, found in enumerate((vote(hits, frees, settings.occupied_share), *details(hits, frees))):
-            grids[chosen, channel] = found
+def _bin_channels(
+    cloud: Cloud | IndexedCloud, frames: Frames, settings: GridSettings, channels: int, details: Callable, places: bool = False
+) -> np.ndarray:
+    """int8 (M, channels, n, ..., n): labels, what `details(hits, frees)` makes of the votes, and the places of returns or 0 in the rest."""
+    shape = (settings.cells,) * frames.centre.shape[1]
+    grids = np.full((len(frames), channels, *shape), UNKNOWN, np.int8)
+    for found, of in members(cloud, frames, settings.cells):
+        hits, frees = count_votes(of, found, shape)
+        for channel, values in enumerate((vote(hits, frees, settings.occupied_share), *details(hits, frees))):
+            grids[found.frames, channel] = values
+        if places:
+            grids[found.frames, PLACES:] = mean_places(of, frames, found, settings.cells)
     return grids
 
 

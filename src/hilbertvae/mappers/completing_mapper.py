@@ -10,6 +10,7 @@ import numpy as np
 from hilbertvae.checks import InputError, check_count, check_not_negative
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import NoRoom
+from hilbertvae.grids.aligned_grid import IndexedCloud
 from hilbertvae.grids.cluster_grids import PLACES, GridSettings, bin_shown
 from hilbertvae.grids.frame import Frames
 from hilbertvae.grids.training_grids import gapped_grids
@@ -76,8 +77,8 @@ class CompletingMapper(Mapper):
 
     def _complete_boxes(self, cloud: Cloud, frames: Frames) -> Completion:
         """What the network makes of the cloud in the boxes of `frames`."""
-        whole = None
-        for part, found in self._completed_parts(lambda boxes: cloud, frames):
+        whole, found_in = None, IndexedCloud.around(cloud, frames) if len(frames) else cloud
+        for part, found in self._completed_parts(lambda boxes: found_in, frames):
             if len(found.value) == len(frames):
                 return found
             if whole is None:  # parts that are joined in the end would lie in memory twice
@@ -88,7 +89,7 @@ class CompletingMapper(Mapper):
                 whole.known[part] = found.known
         return whole or self._complete(bin_shown(cloud, frames, self.grid_, self.detailed_))  # of no frames
 
-    def _completed_parts(self, cloud_in: Callable[[Frames], Cloud], frames: Frames) -> Iterator[tuple[slice, Completion]]:
+    def _completed_parts(self, cloud_in: Callable[[Frames], Cloud | IndexedCloud], frames: Frames) -> Iterator[tuple[slice, Completion]]:
         """(part, what the network makes of it) for one part of the frames after the other, whole batches each; `cloud_in` gives the
         points around some frames."""
         count, dimension = frames.centre.shape
