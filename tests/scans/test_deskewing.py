@@ -146,7 +146,7 @@ def wall_m(points):
 
 
 def test_odometry_turns_clouds_back_as_they_moved_before(tmp_path):
-    """At 2 m/s and 1.5 rad/s walls are a fifth as thick as without: 2.5 cm for 12."""
+    """At 2 m/s and 1.5 rad/s walls are a fifth as thick as without, 2.5 cm for 12, though a scan was dropped."""
     pytest.importorskip("kiss_icp")
     rng = np.random.default_rng(3)
     side, along, height = rng.integers(0, 4, 6000), rng.uniform(-1, 1, 6000), rng.uniform(-1, 2, 6000)
@@ -155,7 +155,7 @@ def test_odometry_turns_clouds_back_as_they_moved_before(tmp_path):
     )
     places = np.column_stack([walls, height])[np.argsort(np.arctan2(walls[:, 1], walls[:, 0]))]
     with bag(tmp_path / "a.bag") as made:
-        for number in range(8):
+        for number in (0, 1, 2, 3, 4, 6, 7, 8, 9):
             seen, times = places[np.sort(rng.choice(6000, 3000, replace=False))], np.linspace(0, 0.1, 3000)
             poses = [matrix((2.0 * s - 1, 0.3 * s, 0.0), turned(1.5 * s)) for s in 0.1 * number + times]
             points = np.array([pose[:3, :3].T @ (place - pose[:3, 3]) for pose, place in zip(poses, seen, strict=True)])

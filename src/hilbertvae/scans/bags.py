@@ -95,7 +95,7 @@ def read_bag(
             if index % every:
                 continue
             seen += 1
-            untimed += deskew and times is None and not is_flat and time_field(message) is not None
+            untimed += deskew and times is None and len(kept) > 0 and not is_flat and time_field(message) is not None
             if pose is None:
                 continue
             if is_flat and leans(pose):

@@ -27,6 +27,9 @@ GOOD_FIT, BAD_FIT = 0.6, 0.7
 """Scans of KITTI, nuScenes and simulated streets fit with 0.4 to 0.66 where they are matched right, 1 to 7 m apart, and with 0.68 to
 0.9 where they are not. From the first on, a motion is tried from elsewhere; from the second on, poses get a warning."""
 
+LONGEST_SWEEP = 2.0
+"""In times from scan to scan. If beams are farther from their message's time, then one of the two times is wrong."""
+
 
 def check_poses_choice(poses: str | None) -> None:
     """An `InputError` unless `poses` is None or names the one way there is to find poses."""
@@ -46,16 +49,18 @@ class KissOdometry:
         self._kiss = self._voxel_m = self._range_m = None
         self._before: cKDTree | None = None
         self._stamp_ns: int | None = None
+        self._took_ns = 0  # from the last scan but one to the last
         self.fits: list[float] = []
         """How well each scan from the second on fits the one before: 0 is best, 1 is not at all (see `_fit`)."""
 
     def deskewed(self, points: np.ndarray, starts: np.ndarray, times_ns: np.ndarray | None, stamp_ns: int) -> Beams:
         """Both (N, 3), metres, as the sensor's frame at `stamp_ns` has them, if it moves on as it did from the scan before, which is all
         that is known before a scan is registered. times_ns: (N,), when each beam was measured, after `stamp_ns`."""
-        since_ns, self._stamp_ns = 0 if self._stamp_ns is None else stamp_ns - self._stamp_ns, stamp_ns
-        if times_ns is None or since_ns <= 0 or not self.fits:
+        took_ns, self._took_ns = self._took_ns, 0 if self._stamp_ns is None else stamp_ns - self._stamp_ns
+        self._stamp_ns = stamp_ns
+        if times_ns is None or not self.fits or took_ns <= 0 or np.abs(times_ns).max(initial=0) > LONGEST_SWEEP * took_ns:
             return points, starts
-        return deskewed(points, starts, times_ns / since_ns, self._kiss.last_delta)
+        return deskewed(points, starts, times_ns / took_ns, self._kiss.last_delta)
 
     def register(self, points: np.ndarray) -> np.ndarray:
         """(3, 4) float64, the pose of a scan's `points (N, 3)`, finite, metres, sensor frame. A scan without points moves on as before."""
