@@ -45,3 +45,11 @@ def test_large_coordinates():
     points = np.array([[500_000.0, 5_400_000.0], [500_000.5, 5_400_000.25]])
     box, point = BucketIndex(points, 0.2).in_boxes(points - 0.1, points + 0.1)
     assert list(zip(box, point, strict=True)) == [(0, 0), (1, 1)]
+
+
+def test_more_buckets_than_32_bits_count():
+    points = np.array([[0.0, 0.0], [80_000.0, 90_000.0], [80_000.25, 90_000.5]])
+    index = BucketIndex(points, 1.0)
+    assert index.keys.dtype == np.int64 and BucketIndex(points, 100.0).keys.dtype == np.int32
+    box, point = index.in_boxes(points - 0.3, points + 0.3)
+    assert list(zip(box, point, strict=True)) == [(0, 0), (1, 1), (2, 2)]

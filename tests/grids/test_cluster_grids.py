@@ -6,7 +6,7 @@ import pytest
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.clusters.starts import STARTS
-from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN, bin_places, bin_points, count_code
+from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN, IndexedCloud, bin_places, bin_points, count_code
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, find_frames, labels_of
 from toy_rooms import tiny_grid
 
@@ -83,3 +83,13 @@ def test_details_are_labels_counts_and_places(place):
     np.testing.assert_array_equal(found[:, 3:], bin_places(place.fit.select(place.fit.occupied), frames, grid.cells))
     assert found.dtype == np.int8 and found[:, 3:].any()
     assert (found[:, 0][found[:, 1] > 0] != UNKNOWN).all()
+
+
+@pytest.mark.parametrize("detailed", [False, True])
+def test_a_cloud_that_was_sorted_once_gives_the_same_grids(place, detailed):
+    """To the bit, for some of the boxes after the other, too."""
+    grid = tiny_grid(place.dimension)
+    frames = find_frames(place.fit, grid, 0)
+    indexed = IndexedCloud.around(place.fit, frames)
+    found = [bin_shown(indexed, frames.select(slice(start, start + 3)), grid, detailed) for start in range(0, len(frames), 3)]
+    np.testing.assert_array_equal(np.concatenate(found), bin_shown(place.fit, frames, grid, detailed))
