@@ -33,6 +33,9 @@ class IndexedCloud:
         self.cloud = cloud
         self.index = BucketIndex(cloud.points, side_m / 4)
 
+    def __len__(self) -> int:
+        return len(self.cloud)
+
     @classmethod
     def around(cls, cloud: Cloud | IndexedCloud, frames: Frames) -> IndexedCloud:
         """That cloud, for boxes of these frames."""
@@ -77,7 +80,7 @@ def bin_places(cloud: Cloud | IndexedCloud, frames: Frames, cells: int) -> np.nd
 def members(cloud: Cloud | IndexedCloud, frames: Frames, cells: int) -> Iterator[tuple[Members, Cloud]]:
     """The points in the boxes of some frames after the other, and the cloud that they are of: few enough at a time to stay in the
     processor's cache. None without points."""
-    if not len(cloud.cloud if isinstance(cloud, IndexedCloud) else cloud) or not len(frames):
+    if not len(cloud) or not len(frames):
         return
     cloud = IndexedCloud.around(cloud, frames)
     at_once = max(1, CELLS_AT_ONCE // cells ** frames.centre.shape[1])

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -104,8 +105,7 @@ def read_bag(
             frames.add(message.header.frame_id.lstrip("/"))
             poses_seen.add(tuple(np.round(pose[:3], 3).flat))
             if finder and times is not None and np.ptp(times):
-                sensor = message.header.frame_id
-                back = deskewed_along(cloud, start, times, lambda ns, of=sensor, since=stamp_ns: finder.at(of, since + ns), pose)
+                back = deskewed_along(cloud, start, stamp_ns + times, partial(finder.at, message.header.frame_id), pose)
                 cloud, start = back or (cloud, start)
             found.add(cloud, start, kept, pose, DIMENSIONS[bag.types[chosen]])
     unit.warn(path)

@@ -27,11 +27,11 @@ def deskewed(points: np.ndarray, starts: np.ndarray, shares: np.ndarray, motion:
 def deskewed_along(
     points: np.ndarray, starts: np.ndarray, times_ns: np.ndarray, pose_at: Callable[[int], np.ndarray | None], pose: np.ndarray
 ) -> Beams | None:
-    """Both (N, 3), metres, in the sensor's frame at `pose` (4, 4), from where each beam had them at its own time (N,).
+    """Both (N, 3), metres, in the sensor's frame at `pose` (4, 4), from where each beam had them at its own time (N,) int64.
 
-    pose_at: (4, 4) at a time, or None where none is known. Then there is no answer: a bag may end, or its transforms pause, in a sweep.
+    pose_at: (4, 4) at such a time, or None where none is known. Then there is no answer: a bag may end, or transforms pause, in a sweep.
     """
-    knots = np.unique(np.linspace(times_ns.min(), times_ns.max(), PIECES + 1).round().astype(np.int64))
+    knots = times_ns.min() + np.unique(np.linspace(0, np.ptp(times_ns), PIECES + 1).round().astype(np.int64))
     poses = [pose_at(int(knot)) for knot in knots]
     if any(each is None for each in poses):
         return None
