@@ -22,20 +22,21 @@ def test_sigterm_ends_a_command_as_ctrl_c_does():
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_a_reader_that_has_had_enough_is_no_error():
+@pytest.mark.parametrize(("word", "first"), [("map=its", b"0\n"), ("--help", b"say key=value ...\n")])
+def test_a_reader_that_has_had_enough_is_no_error(word, first):
     """As `hilbertvae-query ... | head -1`: more lines than a pipe holds."""
-    code = """
-import dataclasses, sys
+    code = f"""
+import sys
 from hilbertvae.commands.keywords import run_command
+from hilbertvae.commands.query import QuerySettings
 
-@dataclasses.dataclass
-class Settings:
-    lines: int = 100_000
+def say(settings):
+    print(*range(100_000), sep=chr(10), flush=True)
 
-sys.exit(run_command("say", Settings, "", lambda settings: print(*range(settings.lines), sep=chr(10), flush=True), ["lines=100000"]))
+sys.exit(run_command("say", QuerySettings, "Much. " * 100_000, say, ["{word}"]))
 """
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdout.readline() == b"0\n"
+        assert process.stdout.readline() == first
         process.stdout.close()
         assert process.stderr.read() == b"" and process.wait() == 1
 

@@ -111,10 +111,10 @@ def stopped_by_sigterm() -> Iterator[None]:
 def run_command(command: str, kind: type[T], about: str, run, words: list[str] | None) -> int:
     """Parse `words` (those of the command line unless given), call `run(settings)`, and give the exit code: 2 for bad input."""
     words = sys.argv[1:] if words is None else words
-    if not words or {"-h", "--help"} & set(words):
-        print(keyword_help(command, kind, about))
-        return 0 if words else 2
     try:
+        if not words or {"-h", "--help"} & set(words):
+            print(keyword_help(command, kind, about), flush=True)
+            return 0 if words else 2
         with stopped_by_sigterm():
             run(settings_of(kind, words))
     except KeyboardInterrupt:
