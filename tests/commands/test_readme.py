@@ -1,4 +1,5 @@
-"""Every command and every piece of Python in the README, executed: the commands with `debug=fast`, in a folder of the test's own."""
+"""Every command and every piece of Python in the README and docs/mapping.md, executed: the commands with `debug=fast`, in a folder of the
+test's own. The README's scores are those of the result files."""
 
 import re
 import shlex
@@ -17,12 +18,26 @@ from hilbertvae.commands.table import main as table
 from hilbertvae.commands.train import CONF, run, to_settings
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.ros_map import write_ros_map
+from hilbertvae.reports.paper_table import PAPER
+from hilbertvae.reports.result_json import read_result
 from toy_rooms import carmen_line, square_room, write_log
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = README + (ROOT / "docs/mapping.md").read_text(encoding="utf-8")
 COMMANDS = [line.split("#")[0].strip() for line in re.findall(r"^\.venv/bin/hilbertvae-train .*$", README, re.MULTILINE)]
-MAPPING = [line.split("#")[0].strip() for line in re.findall(r"^\.venv/bin/hilbertvae-(?:map|query) .*$", README, re.MULTILINE)]
-PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+MAPPING = [line.split("#")[0].strip() for line in re.findall(r"^\.venv/bin/hilbertvae-(?:map|query) .*$", PAGES, re.MULTILINE)]
+PYTHON = re.findall(r"```python\n(.*?)```", PAGES, re.DOTALL)
+SHOWN = (
+    ("2d", "Intel (2D)", ("cvae-hm-adapted", "hm", "gpom", "octomap", "nearest-15")),
+    ("3d", "kitti_drive0005 (3D)", ("hm", "hm-points", "lard-hm", "octomap", "nearest-15")),
+)
+"""Folder of `docs/results/shipped`, how the README calls its site, and the mappers that it shows beside ours and the paper's."""
+NAMES = {
+    "cvae-hm": "**hilbertvae**", "cvae-hm-adapted": "**hilbertvae**, `adapt_steps=100`", "hm": "Hilbert Map (fixed grid)",
+    "hm-points": "the same, for the cut", "gpom": "GPOM",
+    "lard-hm": "LARD-HM", "octomap": "OctoMap", "nearest-15": "15 nearest neighbours",
+}  # fmt: skip
 
 
 def run_fast(folder: Path, *overrides: str) -> Path:
@@ -80,7 +95,8 @@ def test_mapping_commands(tmp_path, monkeypatch, room, box):
         program, *words = shlex.split(command)
         assert {"hilbertvae-map": map_scans, "hilbertvae-query": query}[Path(program).name](words) == 0, command
     written = {path.parent.name for path in (tmp_path / "outputs/maps").glob("*/summary.html")}
-    assert written == {"drive.log", "monday", "office.yaml"}
+    assert written == {"drive.log", "monday", "office.yaml", "points", "adapted", "observed", "ros"}
+    assert not (tmp_path / "outputs/maps/ros/map.npz").exists() and (tmp_path / "outputs/maps/points/map.npz").exists()
 
 
 def test_python(checkpoint, tmp_path, monkeypatch):
@@ -96,3 +112,39 @@ def test_python(checkpoint, tmp_path, monkeypatch):
     for program in PYTHON:  # one after the other, as it is read
         exec(program.replace("outputs/run/model.safetensors", str(checkpoint)), known)
     assert known["probability"].shape == (50,) and ((known["probability"] >= 0) & (known["probability"] <= 1)).all()
+
+
+def score_lines() -> list[str]:
+    """The README's table, from the result files."""
+    lines = [
+        "| | observed beams, points: F1 | gaps, points: F1 | AUC | gaps, voxels: AUC | best F1 | behind things, voxels: AUC |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for folder, site, others in SHOWN:
+        result, _ = read_result(ROOT / f"docs/results/shipped/{folder}/result.json")
+
+        def cell(mapper, reading, region, metric, result=result):
+            at_the_cut = mapper.replace("cvae-hm", "cvae-hm-points") if reading == "points" else mapper  # each reading has its own
+            return f"{100 * np.mean(result.scores[at_the_cut][reading][region][metric]):.1f}"
+
+        for mapper in ("cvae-hm", *others):
+            wanted = (
+                ("points", "observed", "f1"), ("points", "gaps", "f1"), ("points", "gaps", "auc"), ("voxels", "gaps", "auc"),
+                ("voxels", "gaps", "best_f1"), ("voxels", "occluded-sparse-0.5-1", "auc"),
+            )  # fmt: skip
+            lines.append(f"| {site}: {NAMES[mapper]} | " + " | ".join(cell(mapper, *column) for column in wanted) + " |")
+        paper = next(row for row in PAPER[result.dimension] if row.name == "CVAE-HM")
+        f1 = (f"{2 * p * r / (p + r):.1f}" for p, r in (paper.observed, paper.gaps))
+        lines.append(f"| {site}: the paper's CVAE-HM | " + " | ".join(f1) + " | | | | |")
+    return lines
+
+
+def test_the_scores_are_those_of_the_result_files():
+    table = "\n".join(score_lines())
+    assert table in README, f"README.md should have this table:\n{table}"
+
+
+def test_links_lead_somewhere():
+    for page in (ROOT / "README.md", ROOT / "docs/mapping.md", ROOT / "docs/extending.md", ROOT / "docs/results/README.md"):
+        for link in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
+            assert "://" in link or (page.parent / link).exists(), f"{page.name}: {link}"
