@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from rich.progress import track
 from torch import Tensor
 from torch.nn import functional as F
 
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import labels_of
+from hilbertvae.progress import track
 from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment
 from hilbertvae.reconstruction.blocks import Reconstruction
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS

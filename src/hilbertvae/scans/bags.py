@@ -11,9 +11,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from rich.progress import track
 
 from hilbertvae.checks import InputError
+from hilbertvae.progress import track
 from hilbertvae.scans.bag_chunks import bounded_unpacking
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
 from hilbertvae.scans.bag_poses import FIXED_FRAMES, ODOMETRY, TRANSFORMS, BagPoses, nanoseconds

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.progress import track
 
 from hilbertvae.checks import InputError
+from hilbertvae.progress import track
 from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.file_points import check_reading, named, reading

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
-from rich.progress import track
 
 import hilbertvae
 from hilbertvae.files import atomic, hash_of
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
+from hilbertvae.progress import track
 from hilbertvae.reconstruction.blocks import is_detailed
 from hilbertvae.training.settings import Settings
 
