@@ -10,7 +10,8 @@ from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.scans.carmen import read_carmen
 from hilbertvae.training import kept_grids
-from hilbertvae.training.grids_datamodule import EpochBatches, GridPairs, GridsDataModule
+from hilbertvae.training.grid_pairs import GridPairs
+from hilbertvae.training.grids_datamodule import EpochBatches, GridsDataModule
 from hilbertvae.training.kept_grids import draw_seed, grids_hash
 from hilbertvae.training.settings import DataSettings
 from toy_rooms import room_log
@@ -30,6 +31,11 @@ def module_of(settings):
     return module
 
 
+def whole(pairs):
+    """(shown, target) of all of them."""
+    return pairs[list(range(len(pairs)))]
+
+
 def test_pairs_are_those_of_each_clustering(prepared):
     module = module_of(prepared)
     log = prepared.data.train[0]
@@ -39,7 +45,7 @@ def test_pairs_are_those_of_each_clustering(prepared):
         training_grids(read_carmen(log), 0.1, prepared.grid, clustering, draw)
         for clustering, draw in zip((first, prepared.clustering), draws, strict=True)
     ]
-    for found, parts in zip((module.train_pairs.shown, module.train_pairs.target), zip(*expected, strict=True), strict=True):
+    for found, parts in zip(whole(module.train_pairs), zip(*expected, strict=True), strict=True):
         assert found.dtype == torch.int8
         np.testing.assert_array_equal(found.numpy(), np.concatenate(parts))
 
@@ -61,8 +67,7 @@ def test_the_validation_site_is_seen_as_it_will_be_mapped(prepared):
     scans = read_carmen(prepared.data.validate)
     expected = [training_grids(scans, 0.1, prepared.grid, unturned, seed) for seed in (1_000_001, 1_000_002)]
     every = {(s.tobytes(), t.tobytes()) for shown, target in expected for s, t in zip(shown, target, strict=True)}
-    pairs = module.validation_pairs
-    found = [(s.tobytes(), t.tobytes()) for s, t in zip(pairs.shown.numpy(), pairs.target.numpy(), strict=True)]
+    found = [(s.numpy().tobytes(), t.numpy().tobytes()) for s, t in zip(*whole(module.validation_pairs), strict=True)]
     assert len(found) == min(24, sum(len(shown) for shown, _ in expected)) and set(found) <= every
 
 
@@ -70,8 +75,9 @@ def test_the_second_run_builds_nothing(prepared, monkeypatch):
     first = module_of(prepared)
     monkeypatch.setattr(kept_grids, "_build", lambda *arguments: pytest.fail("built again"))
     second = module_of(prepared)
-    assert torch.equal(first.train_pairs.shown, second.train_pairs.shown)
-    assert torch.equal(first.validation_pairs.target, second.validation_pairs.target)
+    for name in ("train_pairs", "validation_pairs"):
+        for before, after in zip(whole(getattr(first, name)), whole(getattr(second, name)), strict=True):
+            assert torch.equal(before, after)
     first.setup("fit")  # nor does the same module, when Lightning asks again
 
 
@@ -85,12 +91,10 @@ def test_only_what_is_missing_is_built(prepared, monkeypatch):
 
 
 def test_a_log_that_changed_is_read_again(prepared, tmp_path):
-    before = module_of(prepared)
+    before, _ = whole(module_of(prepared).train_pairs)
     room_log(tmp_path / "train.log", seed=7)
-    after = module_of(prepared)
-    assert before.train_pairs.shown.shape != after.train_pairs.shown.shape or not torch.equal(
-        before.train_pairs.shown, after.train_pairs.shown
-    )
+    after, _ = whole(module_of(prepared).train_pairs)
+    assert before.shape != after.shape or not torch.equal(before, after)
 
 
 def changed(settings, key, value):
@@ -158,13 +162,22 @@ def test_no_clusters_to_train_on(prepared):
         module_of(changed(prepared, "grid.minimum_points", 10**6))
 
 
-def test_a_batch_is_fetched_at_once():
-    shown = np.arange(5 * 4, dtype=np.int8).reshape(5, 2, 2)
-    pairs = GridPairs(shown, -shown)
-    assert len(pairs) == 5
-    found = pairs[[3, 0]]
-    np.testing.assert_array_equal(found[0], shown[[3, 0]])
-    np.testing.assert_array_equal(found[1], -shown[[3, 0]])
+def test_batches_are_read_from_files_in_any_order(tmp_path):
+    """Against all of it in memory: files of several lengths, one of them empty, and each kind of grid."""
+    rng = np.random.default_rng(0)
+    for channels, voted in ((2, False), (3, True), (7, False), (8, True)):
+        files = [rng.integers(-9, 9, (count, channels, 4, 4), np.int8) for count in (3, 0, 1, 5)]
+        paths = [tmp_path / f"{channels}-{number}.npy" for number in range(len(files))]
+        for path, file in zip(paths, files, strict=True):
+            np.save(path, file)
+        pairs, every = GridPairs(paths, voted), np.concatenate(files)
+        assert len(pairs) == 9
+        for chosen in ([3, 0, 8, 3], [2], list(range(9))):
+            shown, target = (part.numpy() for part in pairs[chosen])
+            own = 1 + voted
+            expected = every[chosen, :-own], every[chosen, -own:]
+            for found, part in zip((shown, target), expected, strict=True):
+                np.testing.assert_array_equal(found, part[:, 0] if part.shape[1] == 1 else part)
 
 
 def batches(count=10, batch_size=4, steps=5, seed=0, epoch=0):
@@ -194,20 +207,22 @@ def test_loaders(prepared):
     train = list(module.train_dataloader())
     assert [len(shown) for shown, _ in train] == [8] * 4
     validation = list(module.val_dataloader())
-    np.testing.assert_array_equal(torch.cat([shown for shown, _ in validation]), module.validation_pairs.shown)
+    np.testing.assert_array_equal(torch.cat([shown for shown, _ in validation]), whole(module.validation_pairs)[0])
 
 
 def test_a_detailed_network_gets_details(prepared):
     plain = module_of(prepared)
     found = module_of(changed(prepared, "network.encoding", "detailed"))
-    for ours, theirs in ((found.train_pairs, plain.train_pairs), (found.validation_pairs, plain.validation_pairs)):
-        assert ours.shown.shape[1] == 5 and torch.equal(ours.shown[:, 0], theirs.shown) and torch.equal(ours.target, theirs.target)
-        assert ours.shown[:, 1:].any()
+    for name in ("train_pairs", "validation_pairs"):
+        (ours, our_target), (theirs, their_target) = whole(getattr(found, name)), whole(getattr(plain, name))
+        assert ours.shape[1] == 5 and torch.equal(ours[:, 0], theirs) and torch.equal(our_target, their_target)
+        assert ours[:, 1:].any()
 
 
 def test_targets_have_votes_where_the_likelihood_asks_for_them(prepared):
     plain = module_of(prepared)
     found = module_of(changed(changed(prepared, "network.encoding", "detailed"), "likelihood.vote_power", 0.5))
-    assert found.train_pairs.shown.shape[1] == 5 and found.train_pairs.target.shape[1] == 2
-    assert torch.equal(found.train_pairs.shown[:, 0], plain.train_pairs.shown)
-    assert torch.equal(found.train_pairs.target[:, 0], plain.train_pairs.target) and found.train_pairs.target[:, 1].any()
+    (ours, our_target), (theirs, their_target) = whole(found.train_pairs), whole(plain.train_pairs)
+    assert ours.shape[1] == 5 and our_target.shape[1] == 2
+    assert torch.equal(ours[:, 0], theirs)
+    assert torch.equal(our_target[:, 0], their_target) and our_target[:, 1].any()

@@ -10,10 +10,12 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import OUTSIDE, RIM, random_gaps
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, fit_rank_weights
+from hilbertvae.progress import track
 from hilbertvae.scoring.cases import occluded_parts, occlusion_case
 from hilbertvae.site import Site
 
 MOST_QUERIES = 400_000
+LEARNING = "Learning the map's weights"
 
 
 def learn_rank_weights(
@@ -38,7 +40,7 @@ def learn_rank_weights(
             asked = np.random.default_rng(seed).choice(asked, most, replace=False)
         gathered[reading].append((*mapper.features(cloud.points[asked]), cloud.occupied[asked]))
 
-    for seed in seeds:
+    for seed in track(seeds, f"{LEARNING} from gaps", transient=True):
         gaps = random_gaps(site.fit, gap_diameter_m, site.resolution_m, seed)
         _show(mapper, gaps.cut(site.fit), seed)
         for reading, cloud, held_out in (
@@ -48,7 +50,7 @@ def learn_rank_weights(
             part = gaps.part(cloud.points)
             gather(reading, cloud, np.flatnonzero((part != RIM) & (held_out | (part != OUTSIDE))), seed)
     parts = {kept.tobytes(): (region, kept, seed) for seed in seeds for region, kept in occluded_parts(site.scans, seed).items()}
-    for region, kept, seed in parts.values() if occlusion else ():
+    for region, kept, seed in track(list(parts.values()) if occlusion else [], f"{LEARNING} from what is occluded", transient=True):
         case = site.remember((region, kept.tobytes()), lambda region=region, kept=kept: occlusion_case(site, region, kept))
         asked = case.asked["voxels"]
         if len(asked.points) and case.shown.occupied.any():

@@ -1,29 +1,15 @@
-"""Training grids as a LightningDataModule, whole in memory as int8."""
+"""Training grids as a LightningDataModule."""
 
 from __future__ import annotations
 
 import lightning as L
 import numpy as np
-import torch
-from torch import Tensor
-from torch.utils.data import DataLoader, Dataset, Sampler
+from torch.utils.data import DataLoader, Dataset, Sampler, Subset
 
 from hilbertvae.checks import InputError
-from hilbertvae.training.kept_grids import VALIDATION_SEEDS, build_all, is_voted, load_pairs
+from hilbertvae.training.grid_pairs import GridPairs
+from hilbertvae.training.kept_grids import VALIDATION_SEEDS, build_all, is_voted
 from hilbertvae.training.settings import Settings
-
-
-class GridPairs(Dataset):
-    """Pairs (shown, target) of int8 grids, fetched a whole batch at a time; shown may have channels (`bin_detailed`)."""
-
-    def __init__(self, shown: np.ndarray, target: np.ndarray):
-        self.shown, self.target = torch.from_numpy(shown), torch.from_numpy(target)
-
-    def __len__(self) -> int:
-        return len(self.shown)
-
-    def __getitem__(self, chosen: list[int]) -> tuple[Tensor, Tensor]:
-        return self.shown[chosen], self.target[chosen]
 
 
 class EpochBatches(Sampler):
@@ -53,8 +39,8 @@ class GridsDataModule(L.LightningDataModule):
     def __init__(self, settings: Settings):
         super().__init__()
         self.settings = settings
-        self.train_pairs: GridPairs | None = None
-        self.validation_pairs: GridPairs | None = None
+        self.train_pairs: Dataset | None = None
+        self.validation_pairs: Dataset | None = None
 
     def setup(self, stage: str | None = None) -> None:
         if self.train_pairs is not None:
@@ -66,10 +52,10 @@ class GridsDataModule(L.LightningDataModule):
         validation = [(data.validate, seed) for seed in VALIDATION_SEEDS]
         paths = build_all(jobs + validation, settings)
         voted = is_voted(settings)
-        self.train_pairs = GridPairs(*load_pairs(paths[: len(jobs)], voted))
-        shown, target = load_pairs(paths[len(jobs) :], voted)
-        some = np.random.default_rng(0).permutation(len(shown))[: settings.trainer.validation_grids]
-        self.validation_pairs = GridPairs(shown[some], target[some])
+        self.train_pairs = GridPairs(paths[: len(jobs)], voted)
+        validation_pairs = GridPairs(paths[len(jobs) :], voted)
+        some = np.random.default_rng(0).permutation(len(validation_pairs))[: settings.trainer.validation_grids]
+        self.validation_pairs = Subset(validation_pairs, some.tolist())
         if not len(self.train_pairs) or not len(self.validation_pairs):
             raise InputError("data: expected clusters to train and to validate on, got none; is grid.minimum_points too large?")
 
