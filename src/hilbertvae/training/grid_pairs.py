@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +19,14 @@ class GridPairs(Dataset):
     """
 
     def __init__(self, paths: list[Path], voted: bool):
-        files = [np.load(path, mmap_mode="r") for path in paths]
         self.paths, self.own = paths, 1 + voted
-        self.offsets = [file.offset for file in files]
-        self.shape = files[0].shape[1:]
-        self.ends = np.cumsum([len(file) for file in files])
+        self.offsets, counts = [], []
+        for path in paths:
+            file = np.load(path, mmap_mode="r")
+            self.shape = file.shape[1:]
+            self.offsets.append(file.offset)
+            counts.append(len(file))
+        self.ends = np.cumsum(counts)
 
     def __len__(self) -> int:
         return int(self.ends[-1])
@@ -33,8 +37,25 @@ class GridPairs(Dataset):
         parts = grids[:, : -self.own], grids[:, -self.own :]
         return tuple(torch.from_numpy(np.ascontiguousarray(part[:, 0] if part.shape[1] == 1 else part)) for part in parts)
 
+    def announce(self, chosen: list[int]) -> None:
+        """Say which grids are asked for soon: Linux reads them while the network learns from others."""
+        if not hasattr(os, "posix_fadvise"):
+            return
+        for number in chosen:
+            path, offset, size = self._place(number)
+            file = os.open(path, os.O_RDONLY)
+            try:
+                os.posix_fadvise(file, offset, size, os.POSIX_FADV_WILLNEED)
+            finally:
+                os.close(file)
+
     def _read(self, number: int) -> np.ndarray:
+        path, offset, size = self._place(number)
+        return np.fromfile(path, np.int8, size, offset=offset).reshape(self.shape)
+
+    def _place(self, number: int) -> tuple[Path, int, int]:
+        """The file of a grid, and where in it how many bytes are the grid's."""
         file = int(np.searchsorted(self.ends, number, side="right"))
-        start = number - (self.ends[file - 1] if file else 0)
+        start = number - int(self.ends[file - 1] if file else 0)
         size = int(np.prod(self.shape))
-        return np.fromfile(self.paths[file], np.int8, size, offset=int(self.offsets[file] + start * size)).reshape(self.shape)
+        return self.paths[file], self.offsets[file] + start * size, size

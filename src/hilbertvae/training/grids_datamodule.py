@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import lightning as L
 import numpy as np
-from torch.utils.data import DataLoader, Dataset, Sampler, Subset
+from torch.utils.data import DataLoader, Sampler, Subset
 
 from hilbertvae.checks import InputError
 from hilbertvae.training.grid_pairs import GridPairs
@@ -13,11 +15,14 @@ from hilbertvae.training.settings import Settings
 
 
 class EpochBatches(Sampler):
-    """`steps` batches, drawn from (seed, epoch): a checkpoint has no random state, and a resumed epoch must not replay another's."""
+    """`steps` batches, drawn from (seed, epoch): a checkpoint has no random state, and a resumed epoch must not replay another's.
 
-    def __init__(self, count: int, batch_size: int, steps: int, seed: int, rank: int = 0):
+    announce: is told of each batch one step before it is asked for.
+    """
+
+    def __init__(self, count: int, batch_size: int, steps: int, seed: int, rank: int = 0, announce: Callable | None = None):
         self.count, self.batch_size, self.steps, self.seed, self.rank = count, batch_size, steps, seed, rank
-        self.epoch = 0
+        self.announce, self.epoch = announce, 0
 
     def set_epoch(self, epoch: int) -> None:
         """Called by Lightning's loops at the start of every epoch."""
@@ -30,7 +35,11 @@ class EpochBatches(Sampler):
         rng = np.random.default_rng([self.seed, self.epoch, self.rank])
         wanted = self.steps * self.batch_size
         order = np.concatenate([rng.permutation(self.count) for _ in range(-(-wanted // self.count))])
-        yield from order[:wanted].reshape(self.steps, self.batch_size).tolist()
+        batches = order[:wanted].reshape(self.steps, self.batch_size).tolist()
+        for batch, following in zip(batches, [*batches[1:], []], strict=True):
+            if self.announce:
+                self.announce(following)
+            yield batch
 
 
 class GridsDataModule(L.LightningDataModule):
@@ -39,8 +48,8 @@ class GridsDataModule(L.LightningDataModule):
     def __init__(self, settings: Settings):
         super().__init__()
         self.settings = settings
-        self.train_pairs: Dataset | None = None
-        self.validation_pairs: Dataset | None = None
+        self.train_pairs: GridPairs | None = None
+        self.validation_pairs: Subset | None = None
 
     def setup(self, stage: str | None = None) -> None:
         if self.train_pairs is not None:
@@ -62,7 +71,8 @@ class GridsDataModule(L.LightningDataModule):
     def train_dataloader(self) -> DataLoader:
         trainer = self.settings.trainer
         rank = self.trainer.global_rank if self.trainer else 0
-        batches = EpochBatches(len(self.train_pairs), trainer.batch_size, trainer.steps_per_epoch, self.settings.seed, rank)
+        pairs, how = self.train_pairs, (trainer.batch_size, trainer.steps_per_epoch, self.settings.seed, rank)
+        batches = EpochBatches(len(pairs), *how, announce=pairs.announce)
         return DataLoader(self.train_pairs, sampler=batches, batch_size=None)
 
     def val_dataloader(self) -> DataLoader:
