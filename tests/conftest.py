@@ -4,10 +4,14 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.site import Site
 from toy_rooms import box_room, square_room
+
+settings.register_profile("suite", deadline=None)  # machines are noisy
+settings.load_profile("suite")
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ def brute_force(points, low, high):
     return pairs
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 2**32 - 1),
     dimension=st.integers(2, 3),

@@ -53,7 +53,7 @@ def test_votes_and_means_equal_brute_force(dimension, resolution_m, offset_m):
             np.testing.assert_allclose(votes.hit_mean[k], np.mean(hits, axis=0), rtol=0, atol=1e-7)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 60), dimension=st.integers(2, 3), resolution_m=st.sampled_from([0.1, 0.2, 1.3]))
 def test_no_sample_is_lost_or_counted_twice(seed, count, dimension, resolution_m):
     scans = random_scans(seed, count, dimension)

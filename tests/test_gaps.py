@@ -30,7 +30,7 @@ def part_by_loop(gaps, point):
     return OUTSIDE
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 2**32 - 1),
     dimension=st.integers(2, 3),
@@ -69,7 +69,7 @@ def test_no_point_inside_a_ball_is_shown_and_none_on_the_rim(place):
         assert (np.linalg.norm(removed[:, None] - gaps.centres, axis=2) < gaps.radius_m).any(axis=1).all()
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(seed=st.integers(0, 2**32 - 1), diameter_m=st.sampled_from([1.0, 1.5, 2.5, (1.0, 2.5)]))
 def test_ten_to_fifteen_percent_in_balls_that_lie_apart(room, seed, diameter_m):
     cloud = room.fit

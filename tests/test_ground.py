@@ -23,7 +23,7 @@ def box(rng, centre, size, bottom_m, count=4000):
     return points * size + [*centre, bottom_m + size[2] / 2]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 999), angle=st.floats(0, 6.28), steepness=st.floats(0, 0.1))
 def test_a_slope_is_ground_and_a_car_on_it_is_not(seed, angle, steepness):
     rng = np.random.default_rng(seed)

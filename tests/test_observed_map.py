@@ -87,7 +87,7 @@ def test_other_images_that_map_servers_take(tmp_path):
     assert labels(read_ros_map(tmp_path / "map.yaml")) == {(0.25, 0.25): True, (1.25, 0.25): False}
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     cell_m=st.sampled_from([0.05, 0.1, 0.2, 0.25, 0.5]),
     origin=st.tuples(*[st.sampled_from([0.0, -12.025, 0.05, 3.1, 456_789.15, 0.123])] * 2),
@@ -199,7 +199,7 @@ def test_missing_and_foreign_files(tmp_path):
         read_ros_map(tmp_path / "bytes.yaml")
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(data=st.data())
 def test_damaged_files_are_refused_or_read(data, tmp_path_factory):
     folder = tmp_path_factory.mktemp("map")

@@ -53,3 +53,11 @@ def test_a_sector_is_lost_from_every_scan(dimension, seed):
     bearing = np.sort(np.arctan2(y, x)[kept])
     widest = np.diff(np.append(bearing, bearing[0] + 2 * np.pi)).max()
     assert np.pi / 3 - 0.01 <= widest <= np.pi + 0.3
+
+
+def test_a_site_of_which_nothing_can_be_hidden_alone_is_shown_whole():
+    """Two returns in opposite directions: now and then a draw would keep none, or both. One: nothing else is left."""
+    two = Scans(np.array([[1.0, 0.0], [-1.0, 0.1]]), np.zeros((2, 2)), np.zeros(2, np.int32), np.arange(2, dtype=np.int32))
+    assert {int(random_occlusion(two, seed).sum()) for seed in range(100)} == {1}
+    one = two.select(np.array([True, False]))
+    assert random_occlusion(one, 0).tolist() == [True]

@@ -1,13 +1,15 @@
 import numpy as np
 import pytest
 
+from hilbertvae import site as site_module
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import fit_cloud, points_cloud, voxel_cloud
+from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from hilbertvae.simulate.building import BuildingSettings
 from hilbertvae.simulate.street import StreetSettings
-from hilbertvae.site import Site, SiteSource, open_site
+from hilbertvae.site import REMEMBERED, Site, SiteSource, open_site
 from hilbertvae.voxel_votes import voxel_index
-from toy_rooms import carmen_line, write_log
+from toy_rooms import carmen_line, room_log, square_room, write_log
 
 
 def voxels_of(cloud, resolution_m):
@@ -120,3 +122,34 @@ def test_references_to_nothing_are_named(tmp_path, monkeypatch, reference, messa
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=message):
         SiteSource().scans(reference)
+
+
+def test_a_site_remembers_what_was_asked_for_last():
+    made, site = [], Site("room", square_room())
+
+    def ask(key):
+        return site.remember(key, lambda: made.append(key) or key)
+
+    for key in range(REMEMBERED):
+        assert ask(key) == key
+    ask(0)
+    assert made == list(range(REMEMBERED))
+    ask("one more")  # 1 is the one that was not asked for the longest
+    ask(0)
+    assert made == [*range(REMEMBERED), "one more"]
+    ask(1)
+    assert made[-1] == 1
+
+
+def test_a_path_is_read_once_while_its_files_stay_as_they_are(tmp_path, monkeypatch):
+    log, read = room_log(tmp_path / "room.log"), []
+    monkeypatch.setattr(site_module, "read_scans_path", lambda *how: read.append(how) or read_scans_path(*how))
+    source = SiteSource()
+    first = source.scans(str(log))
+    source.check(str(log))
+    assert source.scans(str(log)) is first and len(read) == 1
+    room_log(log, seed=3)
+    assert len(source.scans(str(log))) != len(first) or not np.array_equal(source.scans(str(log)).points, first.points)
+    assert len(read) == 2
+    SiteSource(reading=ReadingSettings(every=2)).scans(str(log))
+    assert len(read) == 3

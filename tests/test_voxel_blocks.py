@@ -8,7 +8,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.voxel_blocks import SIDE, NearVoxels, by_block, lattice_index, padded
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.integers(0, 6), st.sampled_from([7, 10**6]), st.booleans())
 def test_near_voxels_are_those_of_a_brute_force_search(seed, dimension, reach, at_once, far):
     rng = np.random.default_rng(seed)

@@ -49,14 +49,15 @@ def check_not_negative(value: float, name: str) -> float:
 
 def check_seeds(seeds: list[int], name: str) -> None:
     """An `InputError` unless `seeds` are one or more different whole numbers from 0 on."""
-    if not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0:
+    whole = all(isinstance(seed, (int, np.integer)) and not isinstance(seed, bool) for seed in seeds)
+    if not whole or not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0:
         raise InputError(f"{name}: expected one or more different seeds from 0 on, got {seeds}")
 
 
-def check_seed(value: int, name: str) -> int:
+def check_whole(value: int, name: str) -> int:
     """`value` as a whole number from 0 on; an `InputError` otherwise."""
     if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 0:
-        raise InputError(f"{name}: expected a whole number from 0, got {value!r}")
+        raise InputError(f"{name}: expected a whole number of at least 0, got {value!r}")
     return int(value)
 
 

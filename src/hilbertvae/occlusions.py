@@ -12,10 +12,11 @@ STRETCH_SHARE = (0.3, 0.7)
 """Share of the drive that a stretch has."""
 SECTOR_RAD = (np.pi / 3, np.pi)
 """Width of the sector that is lost from every scan."""
+MOST_DRAWS = 100
 
 
 def random_occlusion(scans: Scans, seed: int) -> np.ndarray:
-    """(N,) bool: the returns that are kept, never all and never none of a site with more than one bearing.
+    """(N,) bool: the returns that are kept: some and not all, or all where hardly any draw can do that, as of returns in one direction.
 
     One of three ways, drawn from `seed`: every k-th scan (a robot that drives by fast), a stretch of the drive (one that has not been
     everywhere), or every scan without one sector of bearings (one that does not look back). A site of a single scan has the last alone.
@@ -23,7 +24,11 @@ def random_occlusion(scans: Scans, seed: int) -> np.ndarray:
     rng = np.random.default_rng([seed, 0x0CC1])
     count = int(scans.scan.max()) + 1 if len(scans) else 0
     ways = [_sparse, _sparse, _stretch, _sector] if count > 1 else [_sector]
-    return ways[rng.integers(len(ways))](scans, count, rng)
+    for _ in range(MOST_DRAWS):
+        kept = ways[rng.integers(len(ways))](scans, count, rng)
+        if kept.any() and not kept.all():
+            return kept
+    return np.ones(len(scans), bool)
 
 
 def _sparse(scans: Scans, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import RESOLUTION_M, Cloud, points_cloud, thinned_cloud, voted_cloud
-from hilbertvae.files import path_sha256
+from hilbertvae.files import hash_of, path_sha256
 from hilbertvae.ground import Ground, find_ground
 from hilbertvae.scans.formats import ReadingSettings, is_scan_path, read_scans_path
 from hilbertvae.scans.scan import Scans
@@ -20,6 +20,11 @@ from hilbertvae.scans.sites import find_site, read_site, site_path
 from hilbertvae.simulate.building import BuildingSettings, simulate_building
 from hilbertvae.simulate.street import StreetSettings, simulate_street
 from hilbertvae.voxel_votes import VoxelVotes, voxel_votes
+
+READ = 2
+"""A site to train or validate on, and one to test on: scans of a drive can take a GB."""
+REMEMBERED = 24
+"""Gaps, and three cases, of five gap seeds, and what a site has once. Of a street each case takes 200 MB."""
 
 
 @dataclass(frozen=True)
@@ -98,10 +103,12 @@ class Site:
         return self._fitted_votes.merged(self._held_out_votes) if self._held_out_votes else self._fitted_votes
 
     def remember(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """What `make()` gave when `key` was first asked for: every mapper is shown the same, so it is made once."""
-        if key not in self._memory:
-            self._memory[key] = make()
-        return self._memory[key]
+        """What `make()` gave when `key` was last asked for, if it is among the `REMEMBERED` last: every mapper is shown the same."""
+        found = self._memory.pop(key) if key in self._memory else make()
+        self._memory[key] = found
+        while len(self._memory) > REMEMBERED:
+            del self._memory[next(iter(self._memory))]
+        return found
 
     def _seen_in(self, votes: VoxelVotes | None) -> np.ndarray:
         every = self._votes.index
@@ -149,7 +156,7 @@ class SiteSource:
             seed = int(reference.removeprefix(SIMULATED))
             return simulate_street(self.street, seed) if self.dimension == 3 else simulate_building(self.building, seed)
         at_path = is_scan_path(reference)
-        found = read_scans_path(reference, self.reading) if at_path else read_site(reference, self.folder, self.download)
+        found = _scans_at(reference, self.reading) if at_path else read_site(reference, self.folder, self.download)
         self._check_dimension(reference, found.dimension)
         return found
 
@@ -164,6 +171,22 @@ class SiteSource:
         if is_scan_path(reference):
             return {"site": path_sha256(reference), "reading": asdict(self.reading)}
         return {"site": asdict(find_site(reference))}
+
+
+_scans_read: dict[str, Scans] = {}
+
+
+def _scans_at(reference: str, reading: ReadingSettings) -> Scans:
+    """The scans at a path, read once while its files stay as they are: a run checks a site, clusters it several times and scores it, and
+    each time all messages of a bag would be parsed, or poses be found, again. The `READ` last are kept."""
+    path = Path(reference).resolve()
+    files = sorted(file for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file())
+    stamps = [(str(file), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
+    key = hash_of([str(path), stamps, asdict(reading)])
+    _scans_read[key] = _scans_read.pop(key) if key in _scans_read else read_scans_path(reference, reading)
+    while len(_scans_read) > READ:
+        del _scans_read[next(iter(_scans_read))]
+    return _scans_read[key]
 
 
 def site_name(reference: str) -> str:

@@ -25,7 +25,7 @@ def word_for_word(points, threshold_m, candidates, rng):
         seeds.append(drawn[squared[drawn].argmax()])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(points=clouds, threshold_m=st.floats(0.05, 2.0), candidates=st.integers(1, 6), seed=st.integers(0, 999))
 def test_invariants(points, threshold_m, candidates, seed):
     seeds = ask_means(points, threshold_m, candidates, seed)
@@ -36,7 +36,7 @@ def test_invariants(points, threshold_m, candidates, seed):
     np.testing.assert_array_equal(seeds, ask_means(points, threshold_m, candidates, seed))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(points=clouds, threshold_m=st.floats(0.05, 2.0), seed=st.integers(0, 999))
 def test_distances_kept_are_those_to_the_nearest_seed(points, threshold_m, seed):
     rng = np.random.default_rng(seed)

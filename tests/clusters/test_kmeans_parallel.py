@@ -11,7 +11,7 @@ from hilbertvae.clusters.lloyd import lloyd
 from hilbertvae.clusters.random_start import random_start
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(points=clouds, share=st.floats(0, 1), oversampling=st.sampled_from([0.1, 2.0, 10.0]), seed=st.integers(0, 999))
 def test_as_many_points_of_the_cloud_as_asked_for(points, share, oversampling, seed):
     count = max(1, round(share * len(points)))
@@ -22,7 +22,7 @@ def test_as_many_points_of_the_cloud_as_asked_for(points, share, oversampling, s
     np.testing.assert_array_equal(seeds, kmeans_parallel(points, count, oversampling, 3, seed))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(points=clouds, parts=st.lists(st.integers(0, 4), min_size=1, max_size=4), seed=st.integers(0, 999))
 def test_nearest_candidates_are_those_of_all_pairs(points, parts, seed):
     """However the candidates come in."""

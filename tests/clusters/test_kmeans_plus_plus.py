@@ -8,7 +8,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.clusters.kmeans_plus_plus import kmeans_plus_plus
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(points=clouds, share=st.floats(0, 1), seed=st.integers(0, 2**40))
 def test_as_many_points_of_the_cloud_as_asked_for(points, share, seed):
     count = max(1, round(share * len(points)))

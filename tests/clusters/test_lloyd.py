@@ -21,7 +21,7 @@ def word_for_word(points, centres, iterations):
     return centres, potentials
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(points=clouds, share=st.floats(0, 1), seed=st.integers(0, 999))
 def test_the_potential_never_rises(points, share, seed):
     seeds = random_start(points, max(1, round(share * len(points))), seed)

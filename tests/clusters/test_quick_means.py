@@ -22,7 +22,7 @@ def algorithm_1(points, outer_radius_m, inner_radius_m, minimum_points, rng):
 clouds = st.tuples(st.integers(0, 2**32 - 1), st.integers(1, 60), st.integers(2, 3))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(cloud=clouds, inner_m=st.floats(0.05, 1.0), factor=st.floats(1.0, 3.0), minimum=st.integers(0, 6), seed=st.integers(0, 999))
 def test_invariants(cloud, inner_m, factor, minimum, seed):
     state, count, dimension = cloud

@@ -1,15 +1,21 @@
 """The examples of docs/extending.md, executed."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from omegaconf import OmegaConf
 
+from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reconstruction.networks import NETWORKS
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reports.report import Report
+from hilbertvae.reports.result_json import read_result
 from hilbertvae.scoring.protocol import Protocol, evaluate
+from hilbertvae.training.scoring import score
 
 TEXT = (Path(__file__).parents[2] / "docs/extending.md").read_text(encoding="utf-8")
 PYTHON = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
@@ -28,7 +34,9 @@ def executed(tmp_path_factory):
             exec(block, known)
             if "result = " in block:
                 results.append(known["result"])
-        yield known | {"results": results, "there": Path(known["checkpoint"]).is_file()}
+        yield (
+            known | {"checkpoint": Path(known["checkpoint"]).resolve()} | {"results": results, "there": Path(known["checkpoint"]).is_file()}
+        )
 
 
 def test_the_mapper_is_scored(executed, room):
@@ -56,3 +64,18 @@ def test_the_yaml_builds_what_the_page_says():
     assert text.startswith("# @package mapper\n")
     content = OmegaConf.create(text)
     assert content.share._target_ == "hilbertvae.mappers.share.ShareMapper" and "src/hilbertvae/mappers/share.py" in TEXT
+
+
+def test_the_network_is_scored_with_pictures_as_the_package_s_own_are(executed, tmp_path):
+    """By the whole run, whose reports know of latents, levels and priors that this one has not."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(NETWORKS, "plain", (executed["PlainSettings"], executed["PlainNetwork"]))
+        reconstructor = Reconstructor.load(executed["checkpoint"])
+    settings = replace(executed["settings"], output=str(tmp_path), evaluation=Protocol(gap_seeds=[0], occlusion=False))
+    settings = replace(settings, data=replace(settings.data, test=["simulated:7"]))
+    report = Report(tmp_path, {"name": "plain"})
+    score(settings, {"cvae-hm": HilbertMap("trained")}, reconstructor, report)
+    assert report.close() == 0
+    assert list(read_result(tmp_path / "result.json")[0].scores) == ["cae-hm"]  # nothing is sampled
+    pictures = {path.stem for path in (tmp_path / "pictures").glob("*.png")}
+    assert {"map", "pipeline", "reconstructions"} <= pictures and "prior" not in pictures

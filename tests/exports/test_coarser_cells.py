@@ -21,7 +21,7 @@ def some_cells(dimension, seed, count=120):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 @given(seed=st.integers(0, 1000), resolution_m=st.sampled_from([0.2, 0.3, 0.25, 0.1001, 1.0, 7.0]))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_of_those_that_become_one_an_occupied_one_then_one_that_was_seen_then_the_likeliest(dimension, seed, resolution_m):
     cells = some_cells(dimension, seed)
     found = cells.coarser(resolution_m)

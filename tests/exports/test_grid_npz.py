@@ -15,14 +15,14 @@ from hilbertvae.exports.grid_npz import read_grid, write_grid
 from hilbertvae.exports.map_cells import MapCells
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(cells=any_cells, dense=st.sampled_from([True, False, None]))
 def test_there_and_back(cells, dense, tmp_path_factory):
     path = tmp_path_factory.mktemp("map") / "map.npz"
     assert_same(read_grid(write_grid(cells, path, dense)), cells)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(cells=any_cells)
 def test_numpy_alone_finds_each_cell_in_a_dense_grid(cells, tmp_path_factory):
     with np.load(write_grid(cells, tmp_path_factory.mktemp("map") / "map.npz", True), allow_pickle=False) as grid:
@@ -156,7 +156,7 @@ def test_a_dense_grid_is_no_larger_than_what_is_written(tmp_path, monkeypatch):
         read_grid(path)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(data=st.data())
 def test_damaged_files_are_refused_or_read(data, tmp_path_factory):
     path = write_grid(random_cells(data.draw(st.sampled_from([2, 3])), count=30), tmp_path_factory.mktemp("map") / "map.npz")

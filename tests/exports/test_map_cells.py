@@ -32,7 +32,7 @@ class Waves:
         return queries[:, 1] < 0
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.integers(1, 5), st.sampled_from([5, 10**6]))
 def test_the_sample_is_that_of_a_loop_over_voxels(seed, dimension, reach, at_once):
     rng = np.random.default_rng(seed)

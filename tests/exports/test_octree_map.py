@@ -34,7 +34,7 @@ def leaves(path):
     return found, cell_m
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(cells=any_cells)
 def test_octomap_reads_each_cell_in_its_place(cells, tmp_path_factory):
     folder = tmp_path_factory.mktemp("map")
@@ -54,7 +54,7 @@ def test_octomap_reads_each_cell_in_its_place(cells, tmp_path_factory):
                 np.testing.assert_array_equal(values > 0, p[told] > 0.5)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(cells=any_cells)
 def test_a_written_map_is_what_was_observed(cells, tmp_path_factory):
     folder = tmp_path_factory.mktemp("map")

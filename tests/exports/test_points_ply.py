@@ -13,7 +13,7 @@ def raw(path):
     return trimesh.load(path).metadata["_ply_raw"]["vertex"]["data"]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(cells=any_cells)
 def test_trimesh_reads_each_cell(cells, tmp_path_factory):
     path = write_points_ply(cells, tmp_path_factory.mktemp("map") / "points.ply", above=-1)

@@ -40,7 +40,7 @@ def loaded(path):
     return found, content
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(cells=cells_2d)
 def test_map_server_reads_each_cell_in_its_place(cells, tmp_path_factory):
     folder = tmp_path_factory.mktemp("map")
@@ -62,7 +62,7 @@ def test_map_server_reads_each_cell_in_its_place(cells, tmp_path_factory):
             assert len(found) == np.prod(high - low + 1)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(cells=cells_2d)
 def test_our_reader_has_the_cells_again(cells, tmp_path_factory):
     folder = tmp_path_factory.mktemp("map")

@@ -37,7 +37,7 @@ def bin_by_loop(cloud, frames, cells):
     return hits, frees
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(2, 3), turned=st.booleans(), cells=st.integers(2, 6))
 def test_binning_equals_brute_force(seed, dimension, turned, cells):
     rng = np.random.default_rng(seed)
@@ -102,7 +102,7 @@ def test_share_cell_by_cell():
     assert share(hits, frees).dtype == np.uint8
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(2, 3), turned=st.booleans(), cells=st.integers(2, 6))
 def test_places_in_cells_equal_brute_force(seed, dimension, turned, cells):
     rng = np.random.default_rng(seed)

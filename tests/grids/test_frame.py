@@ -31,7 +31,7 @@ def frames_of(cloud, *choice, seed=0, snap_m=0.1):
     return cluster_frames(clusters_of(cloud, seed), cloud, DIAMETER_M, snap_m, FrameSettings(*choice))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(2, 3), turned=st.booleans())
 def test_into_the_frame_and_back(seed, dimension, turned):
     rng = np.random.default_rng(seed)

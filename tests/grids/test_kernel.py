@@ -27,7 +27,7 @@ def holding_by_loop(frames, query, nearest):
     return (holds + [NONE] * nearest)[:nearest]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 2**32 - 1),
     dimension=st.integers(2, 3),
@@ -56,7 +56,7 @@ def test_equations_7_and_8_by_brute_force(seed, dimension, count, nearest, turne
                 assert values[q, r] == grids[m][cell]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1), dimension=st.integers(2, 3), turned=st.booleans(), kind=st.sampled_from(["f2", "f4", "i1", "u1"]))
 def test_between_cells_by_brute_force(seed, dimension, turned, kind):
     """Each cell around a query counts by the part of a cell-sized box about the query that lies in it; what lies outside of the grid, its
@@ -167,7 +167,7 @@ def test_no_frames_and_no_queries():
     assert FrameIndex(some).holding(np.empty((0, 2)), 5).shape == (0, 5)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 2**32 - 1),
     dimension=st.integers(2, 3),

@@ -110,7 +110,7 @@ def fitted(request):
     return [mapper.fit(*cloud) for mapper in mappers], request.param
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 70), pieces=st.integers(1, 5))
 def test_each_query_is_answered_alone(fitted, seed, count, pieces):
     rng = np.random.default_rng(seed)

@@ -69,7 +69,7 @@ def test_it_goes_on_with_the_network_that_learned(room, tmp_path):
 
 @pytest.mark.parametrize("steps", [-1, 1.5, True, "many"])
 def test_steps_that_are_no_number_of_steps(room, steps):
-    with pytest.raises(InputError, match="adapt_steps: expected a whole number from 0"):
+    with pytest.raises(InputError, match="adapt_steps: expected a whole number of at least 0"):
         fit(HilbertMap(tiny_reconstructor(), adapt_steps=steps), room.fit)
 
 

@@ -61,7 +61,7 @@ class Twin:
         ]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     seed=st.integers(0, 2**32 - 1),
     count=st.integers(1, 60),
@@ -143,7 +143,7 @@ def test_each_query_is_answered_alone(dimension):
     np.testing.assert_array_equal(one_by_one, whole[:30])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 2**32 - 1),
     dimension=st.integers(2, 3),

@@ -160,7 +160,7 @@ def test_truncated_files(saved, tmp_path, part):
         load_map(path)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_changed_bytes_are_refused_or_answer_probabilities(saved, tmp_path, data):
     content = bytearray(saved.read_bytes())

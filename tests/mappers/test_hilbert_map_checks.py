@@ -127,7 +127,7 @@ def test_what_is_refused_or_stopped_leaves_the_map_as_it_was(room, monkeypatch, 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, "x", None, True, np.random.RandomState(0)])
 def test_a_seed_that_is_no_whole_number(room, seed):
-    with pytest.raises(InputError, match="seed: expected a whole number from 0, got"):
+    with pytest.raises(InputError, match="seed: expected a whole number of at least 0, got"):
         fit(HilbertMap(reconstructor(), seed=seed), gapped(room))
 
 

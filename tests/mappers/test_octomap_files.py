@@ -144,7 +144,7 @@ def test_bad_paths_are_refused(files, tmp_path):
         write_octree(solid_room(2)[0], tmp_path / "map.ply")
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(ending=st.sampled_from([".ot", ".bt"]), data=st.data())
 def test_damaged_files_are_refused_or_read_in_little_memory(files, ending, data, tmp_path_factory):
     content = bytearray(files[ending])

@@ -61,7 +61,7 @@ def answers_of_twin(mapper, points, occupied, weight, queries, resolution_m):
     return np.array([1 / (1 + math.exp(-sums[voxel])) if voxel in sums else 0.5 for voxel in voxels])
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(
     seed=st.integers(0, 2**32 - 1),
     dimension=st.integers(2, 3),
@@ -141,7 +141,7 @@ def test_a_weight_counts_like_as_many_samples_in_any_order(dimension):
     np.testing.assert_allclose(half.predict_proba(points), whole.predict_proba(points), rtol=0, atol=1e-6)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 70), pieces=st.integers(1, 5))
 def test_each_query_is_answered_alone(seed, count, pieces):
     rng = np.random.default_rng(seed)

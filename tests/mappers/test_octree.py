@@ -149,7 +149,7 @@ def test_the_deepest_tree_that_octomap_has():
     assert len(leaves_of_values(full)[0]) == 7 * 16 + 1
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.binary(max_size=400))
 def test_any_bytes_are_a_tree_or_refused(content):
     for read in (leaves_of_values, lambda stream: leaves_of_labels(stream, LOW, HIGH)):
@@ -160,7 +160,7 @@ def test_any_bytes_are_a_tree_or_refused(content):
         assert (np.diff(leaves.start) > 0).all() and (leaves.find(leaves.start) == np.arange(len(leaves))).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.integers(1, DEPTH))
 def test_random_trees_come_back(seed, count, deepest):
     """Streams made by recursion, of trees that octomap would have pruned too."""

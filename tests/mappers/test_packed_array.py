@@ -13,7 +13,7 @@ from hilbertvae.mappers.packed_array import pack, unpack
 KINDS = (np.float16, np.uint8, np.int8, np.float64)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(data=st.data(), kind=st.sampled_from(KINDS), shape=arrays.array_shapes(min_dims=1, max_dims=4, min_side=0, max_side=6))
 def test_arrays_come_back_to_the_bit(data, kind, shape):
     array = data.draw(arrays.arrays(kind, shape))

@@ -22,7 +22,7 @@ def voxels(evidence):
     return {tuple(voxel): [column[row] for column in columns] for voxel, row in zip(index.tolist(), rows, strict=True)}
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 2**32 - 1),
     dimension=st.integers(2, 3),

@@ -34,7 +34,7 @@ cases = given(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @cases
 def test_numbers_equal_brute_force(seed, dimension, spread, offset, portions):
     rng = np.random.default_rng(seed)
@@ -47,7 +47,7 @@ def test_numbers_equal_brute_force(seed, dimension, spread, offset, portions):
     np.testing.assert_array_equal(bricks.indices(place[place != NONE]), asked[place != NONE])
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @cases
 def test_neighbours_equal_brute_force(seed, dimension, spread, offset, portions):
     """Also across bricks, whichever of them came first."""
@@ -67,7 +67,7 @@ def test_neighbours_equal_brute_force(seed, dimension, spread, offset, portions)
         assert beside.tolist() == [twin.get(tuple(voxel), 0) for voxel in (own + move).tolist()]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @cases
 def test_bricks_of_boxes_and_of_voxels(seed, dimension, spread, offset, portions):
     rng = np.random.default_rng(seed)

@@ -9,7 +9,15 @@ from scipy.sparse import csr_matrix
 from sklearn.linear_model import LogisticRegression
 
 from hilbertvae.checks import InputError
-from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, fit_rank_weights, logistic_weights, seen_features, unit_weights
+from hilbertvae.mappers.weights import (
+    OCCUPIED_WEIGHT,
+    RankWeights,
+    fit_cluster_weights,
+    fit_rank_weights,
+    logistic_weights,
+    seen_features,
+    unit_weights,
+)
 
 
 def problem(seed=0, count=300, features=4):
@@ -56,7 +64,7 @@ def test_a_query_that_counts_for_three_is_there_three_times(sparse):
 
 @given(seed=st.integers(0, 10_000), likeness=st.floats(0, 0.999), scale=st.floats(0.01, 100))
 @example(seed=0, likeness=0.9921875, scale=2.0)  # a weight just above 0 stood in the way of all the others
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_no_weight_could_move_for_the_better(seed, likeness, scale):
     """The conditions of an optimum, by a sum over queries, where features say nearly the same and differ in size."""
     rng = np.random.default_rng(seed)
@@ -254,3 +262,10 @@ def test_cluster_weights_by_an_explicit_sum():
 
 def test_seen_features_of_a_query_in_no_box():
     np.testing.assert_array_equal(seen_features(np.zeros((1, 3)), np.array([0]), np.array([[2.0, 5.0]])), [[2.0, 5.0, 0.0, 1.0]])
+
+
+def test_what_an_occupied_point_counted_for_goes_with_the_weights():
+    plain = unit_weights(3, 4).plain()
+    assert RankWeights.from_plain(plain | {"occupied_weight": 1.0}).plain()["occupied_weight"] == 1.0
+    del plain["occupied_weight"]  # as those that were learned before it was kept
+    assert RankWeights.from_plain(plain).occupied_weight == OCCUPIED_WEIGHT

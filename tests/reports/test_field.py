@@ -17,7 +17,7 @@ def lattice(found):
     }
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.sampled_from([3000, 10**6]))
 def test_each_voxel_near_data_is_asked_once_at_its_centre(seed, reach, at_once):
     rng = np.random.default_rng(seed)

@@ -24,7 +24,7 @@ def first_by_brute_force(centres, camera, resolution_m):
     return image
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.floats(0, 360), st.floats(5, 85), st.floats(0.03, 0.8))
 def test_the_nearest_voxel_of_each_ray_is_shown(seed, azimuth, elevation, pixel_m):
     rng = np.random.default_rng(seed)
@@ -43,7 +43,7 @@ def test_picture_has_x_to_the_right_and_z_up_seen_along_y():
 
 
 @given(st.floats(0, 360), st.floats(0, 90))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_a_camera_around_points_shows_them_all(azimuth, elevation):
     points = np.random.default_rng(0).uniform([500_000, 0, 0], [500_100, 20, 5], (100, 3))
     camera = Camera.around(points, azimuth, elevation, (300, 200))

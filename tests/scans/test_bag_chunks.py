@@ -27,7 +27,7 @@ PACKED = pytest.mark.parametrize(("kind", "compression"), [("ros1", "BZ2"), ("ro
 
 
 @pytest.mark.parametrize("packer", PACKERS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(parts=st.lists(st.binary(max_size=300), min_size=1, max_size=4))
 def test_streams_are_unpacked_one_after_the_other(packer, parts):
     pack, make = PACKERS[packer]

@@ -74,7 +74,7 @@ def test_how_far_a_laser_looks(tmp_path, beams, first_deg, last_deg):
     assert len(scans) == beams
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.data())
 def test_damage_is_read_or_named(tmp_path_factory, data):
     """Bytes changed anywhere, also in the packed file: scans, or one error with the file's name."""

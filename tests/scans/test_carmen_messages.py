@@ -23,7 +23,7 @@ def robot_line(ranges, pose, first=-math.pi / 2, step=math.pi / 180, farthest=81
     return f"ROBOTLASER1 0 {beams} {len(remissions)} {said(*remissions, *pose, *robot)} 0.1 0.2 0.5 0.4 0.0 1.0 host 1.0\n"
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     beams=st.integers(1, 60),
     first=st.floats(-3.0, 0.5),

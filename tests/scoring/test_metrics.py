@@ -21,7 +21,7 @@ def answers(seed, count, levels):
 cases = given(seed=st.integers(0, 2**32 - 1), count=st.integers(2, 120), levels=st.sampled_from([0, 2, 5, 10]))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @cases
 def test_against_scikit_learn(seed, count, levels):
     occupied, probability = answers(seed, count, levels)
@@ -43,7 +43,7 @@ def test_against_scikit_learn(seed, count, levels):
         assert found[name] == pytest.approx(value, abs=1e-9), name
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @cases
 def test_the_rest_by_brute_force(seed, count, levels):
     occupied, probability = answers(seed, count, levels)
@@ -64,7 +64,7 @@ def test_the_rest_by_brute_force(seed, count, levels):
     assert (found["known"], found["base_rate"], found["count"]) == (known / count, occupied.sum() / count, count)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @cases
 def test_the_curve_cut_by_cut(seed, count, levels):
     occupied, probability = answers(seed, count, levels)

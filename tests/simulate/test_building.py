@@ -61,7 +61,7 @@ def test_a_site_with_nobody_walking(sim):
         ({"shortest_extent_m": 50.0, "longest_extent_m": 40.0}, "building.shortest_extent_m: expected at least 6 and at most"),
         ({"shortest_extent_m": 2.0}, "building.shortest_extent_m: expected at least 6"),
         ({"longest_extent_m": float("inf")}, "building.longest_extent_m: expected a positive number"),
-        ({"scans": 0}, "building.scans: expected a positive whole number"),
+        ({"scans": 0}, "building.scans: expected a whole number of at least 1"),
         ({"clearance_m": -0.1}, "building.clearance_m: expected a positive number"),
         ({"pose_noise_m": -0.1}, "building.pose_noise_m: expected zero or a positive number"),
         ({"sweeps_per_passer_by": 0.5}, "building.sweeps_per_passer_by: expected at least 1"),

@@ -108,8 +108,8 @@ def test_bearings_are_those_of_carmen_logs():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ({"beams": 0}, "laser.beams: expected a positive whole number"),
-        ({"beams": 1.5}, "laser.beams: expected a positive whole number"),
+        ({"beams": 0}, "laser.beams: expected a whole number of at least 1"),
+        ({"beams": 1.5}, "laser.beams: expected a whole number of at least 1"),
         ({"max_range_m": -1.0}, "laser.max_range_m: expected a positive number"),
         ({"field_of_view_deg": 400.0}, "laser.field_of_view_deg: expected at most 360"),
         ({"range_noise_m": float("nan")}, "laser.range_noise_m: expected zero or a positive number"),

@@ -34,7 +34,7 @@ def test_another_seed_gives_another_street(sim):
     assert len(first) != len(other) or not np.array_equal(first.points, other.points)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(seed=st.integers(0, 2**32), character=st.sampled_from(list(CHARACTERS)))
 def test_scans_of_any_street_are_finite_and_not_empty(sim_installed, seed, character):
     scans = simulate_street(StreetSettings(character=character, azimuths=40, scans=2, max_range_m=20.0), seed)

@@ -34,6 +34,14 @@ def module_of(settings):
     return module
 
 
+def draws_of(site, seed, settings):
+    return draw_seed(settings.source().made_of(site), seed)
+
+
+def name_of(site, seed, settings):
+    return grids_hash(settings.source().made_of(site), seed, settings)
+
+
 def whole(pairs):
     """(shown, target) of all of them."""
     return pairs[list(range(len(pairs)))]
@@ -42,7 +50,7 @@ def whole(pairs):
 def test_pairs_are_those_of_each_clustering(prepared):
     module = module_of(prepared)
     log = prepared.data.train[0]
-    draws = [draw_seed(log, seed, prepared) for seed in range(2)]
+    draws = [draws_of(log, seed, prepared) for seed in range(2)]
     first = replace(prepared.clustering, turn=False)  # the site as it stands, once
     expected = [
         training_grids(read_carmen(log), 0.1, prepared.grid, clustering, draw)
@@ -56,11 +64,11 @@ def test_pairs_are_those_of_each_clustering(prepared):
 def test_every_site_draws_its_own(prepared, tmp_path):
     """Else all simulated sites would be turned by the same angle. The same log at another place draws the same."""
     log, other = prepared.data.train[0], prepared.data.validate
-    draws = {draw_seed(site, seed, prepared) for site in (log, other, "simulated:0", "simulated:1") for seed in range(3)}
+    draws = {draws_of(site, seed, prepared) for site in (log, other, "simulated:0", "simulated:1") for seed in range(3)}
     assert len(draws) == 12
     moved = tmp_path / "elsewhere.log"
     moved.write_bytes((tmp_path / "train.log").read_bytes())
-    assert draw_seed(str(moved), 1, prepared) == draw_seed(log, 1, prepared)
+    assert draws_of(str(moved), 1, prepared) == draws_of(log, 1, prepared)
 
 
 def test_the_validation_site_is_seen_as_it_will_be_mapped(prepared):
@@ -88,7 +96,9 @@ def test_only_what_is_missing_is_built(prepared, monkeypatch):
     module_of(prepared)
     built = []
     original = kept_grids._build
-    monkeypatch.setattr(kept_grids, "_build", lambda path, *job: built.append(job[:2]) or original(path, *job))
+    monkeypatch.setattr(
+        kept_grids, "_build", lambda path, name, contents, seed, _: built.append((name, seed)) or original(path, name, contents, seed, _)
+    )
     module_of(replace(prepared, clustering=replace(prepared.clustering, clusterings=3)))
     assert built == [(prepared.data.train[0], 2)]
 
@@ -143,7 +153,7 @@ DO_NOT = [
 @pytest.mark.parametrize(("key", "value"), MATTER, ids=lambda part: str(part)[:40])
 def test_the_hash_sees_what_changes_grids(key, value):
     settings = tiny_settings("run", "cache")
-    assert grids_hash("simulated:0", 1, changed(settings, key, value)) != grids_hash("simulated:0", 1, settings)
+    assert name_of("simulated:0", 1, changed(settings, key, value)) != name_of("simulated:0", 1, settings)
 
 
 @pytest.mark.parametrize(("key", "value"), DO_NOT, ids=lambda part: str(part)[:40])
@@ -151,13 +161,13 @@ def test_the_hash_does_not_see_what_leaves_grids_alone(key, value):
     settings = tiny_settings("run", "cache")
     other = changed(settings, key, value)
     assert asdict(other) != asdict(settings)
-    assert grids_hash("simulated:0", 1, other) == grids_hash("simulated:0", 1, settings)
+    assert name_of("simulated:0", 1, other) == name_of("simulated:0", 1, settings)
 
 
 def test_the_hash_sees_site_and_clustering():
     settings = tiny_settings("run", "cache")
     names = [("simulated:0", 1), ("simulated:0", 2), ("simulated:1", 1), ("intel", 1), ("csail", 1)]
-    assert len({grids_hash(*name, settings) for name in names}) == len(names)
+    assert len({name_of(*name, settings) for name in names}) == len(names)
 
 
 def test_no_clusters_to_train_on(prepared):

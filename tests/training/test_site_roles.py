@@ -65,3 +65,12 @@ def test_a_training_that_goes_on_asks_the_network_it_starts_from(tmp_path):
     with pytest.raises(InputError, match="data.validate: aces is among what trainer.initial was trained on"):
         train(replace(settings, data=replace(settings.data, validate="aces")))
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("site", [entry.name for entry in CATALOGUE.values() if entry.role == "test"])
+def test_a_test_site_is_nothing_else(site):
+    """METHOD 7: everything is chosen on other sites."""
+    for key, parts in (("data.train", (["fr079", site], "csail", [])), ("data.validate", (["fr079"], site, []))):
+        with pytest.raises(InputError, match=f"{key}: {site} is for tests alone"):
+            check_roles(*parts)
+    check_roles(["fr079"], "csail", [site, "aces"])

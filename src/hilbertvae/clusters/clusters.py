@@ -8,6 +8,8 @@ from itertools import chain
 import numpy as np
 from scipy.spatial import cKDTree
 
+from hilbertvae.cores import cores
+
 SEEDS_AT_ONCE = 4096
 
 
@@ -55,7 +57,7 @@ def ball_sizes(tree: cKDTree, centres: np.ndarray, radius_m: float) -> np.ndarra
     sizes = np.zeros(len(centres), np.int64)
     if len(centres):
         near = cKDTree(centres).indices  # centre after centre nearby, so that what one ball reads is still in the cache for the next
-        sizes[near] = tree.query_ball_point(centres[near], radius_m, workers=-1, return_length=True)
+        sizes[near] = tree.query_ball_point(centres[near], radius_m, workers=cores(), return_length=True)
     return sizes
 
 
@@ -66,7 +68,7 @@ def _balls(tree: cKDTree, centres: np.ndarray, radius_m: float) -> np.ndarray:
     """
     members = [np.empty(0, np.int64)]
     for start in range(0, len(centres), SEEDS_AT_ONCE):
-        balls = tree.query_ball_point(centres[start : start + SEEDS_AT_ONCE], radius_m, workers=-1, return_sorted=True)
+        balls = tree.query_ball_point(centres[start : start + SEEDS_AT_ONCE], radius_m, workers=cores(), return_sorted=True)
         members.append(flat(balls))
     return np.concatenate(members)
 

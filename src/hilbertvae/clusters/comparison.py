@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_count, check_points, check_positive
+from hilbertvae.checks import InputError, check_count, check_points, check_positive, check_seeds
 from hilbertvae.clusters.ask_means import ask_means
 from hilbertvae.clusters.lloyd import lloyd
 from hilbertvae.clusters.starts import COUNTED, check_start, quick_means_seeds
@@ -47,14 +47,11 @@ class StudySettings:
         """An `InputError` that names the key for a value that makes no study."""
         if self.cloud not in CLOUDS:
             raise InputError(f"study.cloud: expected one of {', '.join(CLOUDS)}, got {self.cloud!r}")
-        for name in ("sizes", "seeds"):
-            if not getattr(self, name):
-                raise InputError(f"study.{name}: expected at least one, got none")
+        if not self.sizes:
+            raise InputError("study.sizes: expected at least one, got none")
         for size in self.sizes:
             check_count(size, "study.sizes")
-        for seed in self.seeds:
-            if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-                raise InputError(f"study.seeds: expected whole numbers of at least 0, got {seed!r}")
+        check_seeds(self.seeds, "study.seeds")
         check_positive(self.inner_radius_m, "study.inner_radius_m")
         check_count(self.lloyd_iterations, "study.lloyd_iterations")
         check_positive(self.points_per_m2, "study.points_per_m2")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from hilbertvae.checks import InputError, check_points
+from hilbertvae.checks import check_points, check_whole
 
 
 def lloyd(points: np.ndarray, seeds: np.ndarray, iterations: int) -> tuple[np.ndarray, list[float]]:
@@ -16,8 +16,7 @@ def lloyd(points: np.ndarray, seeds: np.ndarray, iterations: int) -> tuple[np.nd
     """
     points = check_points(points, "points")
     centres = check_points(seeds, "seeds", dimension=points.shape[1])
-    if isinstance(iterations, bool) or not isinstance(iterations, (int, np.integer)) or iterations < 0:
-        raise InputError(f"iterations: expected a whole number of at least 0, got {iterations!r}")
+    check_whole(iterations, "iterations")
     away, nearest = cKDTree(centres).query(points)
     potentials = [float(np.square(away).sum())]
     for _ in range(iterations):

@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError, check_points, check_positive
 from hilbertvae.clusters.clusters import Clusters, ball_sizes, flat, search_tree
+from hilbertvae.cores import cores
 
 LIVE_AT_ONCE = 1024
 """About so many live points of the walk are looked at together; the stretch of walk that holds them grows as points are consumed."""
@@ -49,7 +50,7 @@ def _draw_seeds(tree: cKDTree, inner_radius_m: float, rng: np.random.Generator) 
         if len(live):
             drawn.append(live[_first_come(tree.data[live], inner_radius_m)])
             # In a small tree, starting threads would take longer than finding these few balls.
-            workers = -1 if tree.n >= MANY_POINTS else 1
+            workers = cores() if tree.n >= MANY_POINTS else 1
             balls = tree.query_ball_point(tree.data[drawn[-1]], inner_radius_m, return_sorted=False, workers=workers)
             consumed[flat(balls)] = True
             sizes += map(len, balls)

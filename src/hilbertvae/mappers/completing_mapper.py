@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_count, check_not_negative
+from hilbertvae.checks import InputError, check_count, check_not_negative, check_whole
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import NoRoom
 from hilbertvae.grids.aligned_grid import IndexedCloud
@@ -108,9 +108,7 @@ class CompletingMapper(Mapper):
         return network.complete(grids, self.flips_, batch=BATCH, device=self.device, progress=progress)
 
     def _check_adaptation(self) -> None:
-        steps = self.adapt_steps
-        if isinstance(steps, bool) or not isinstance(steps, (int, np.integer)) or steps < 0:
-            raise InputError(f"adapt_steps: expected a whole number from 0, got {steps!r}")
+        steps = check_whole(self.adapt_steps, "adapt_steps")
         if steps and self.reconstructor is None:
             raise InputError("adapt_steps: expected a network that can learn, got raw grids")
         if steps and not self.fill:

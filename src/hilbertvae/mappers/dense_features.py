@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 from scipy.special import expit
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import check_count, check_positive
 from hilbertvae.mappers.logistic import LogisticMapper
 
 
@@ -82,5 +82,4 @@ class DenseFeatureMapper(LogisticMapper):
     def _check_settings(self) -> None:
         super()._check_settings()
         check_positive(self.gamma_per_m2, "gamma_per_m2")
-        if isinstance(self.components, bool) or not isinstance(self.components, (int, np.integer)) or self.components < 1:
-            raise InputError(f"components: expected a whole number of at least 1, got {self.components!r}")
+        check_count(self.components, "components")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from threading import Lock
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
+from hilbertvae.cores import workers
 from hilbertvae.mappers.growing_array import GrowingArray
 from hilbertvae.mappers.voxel_bricks import NONE, VoxelBricks
 from hilbertvae.voxel_votes import voxel_index
@@ -20,6 +23,8 @@ BRICKS_AT_ONCE = 64
 """Few enough that their votes stay in the processor's cache. Changes no number."""
 MARGIN = 2.0**-24
 """Of a voxel's side: so near to it no mean position comes, lest rounding carries it across."""
+
+_ONE_AT_A_TIME = Lock()
 
 
 class Evidence:
@@ -38,7 +43,8 @@ class Evidence:
         self.dimension = dimension = points.shape[1]
         self.bricks = VoxelBricks(dimension)
         self._brick_m = self.bricks.side * resolution_m
-        self._found: tuple[tuple[int, int], cKDTree, cKDTree] | None = None
+        self._changes = 0
+        self._found: tuple[int, cKDTree, cKDTree] | None = None
         self._place, self._features = GrowingArray(np.zeros(1, np.int64)), GrowingArray(np.zeros((1, 4)))
         self._hits, self._frees = GrowingArray(np.zeros(1)), GrowingArray(np.zeros(1))
         self._hit_mean, self._free_mean = ([GrowingArray(np.full(1, np.inf, np.float32)) for _ in range(dimension)] for _ in range(2))
@@ -120,6 +126,7 @@ class Evidence:
         return touched, *before
 
     def _make_room(self, places: np.ndarray) -> None:
+        self._changes += 1
         count = len(places)
         self._place.append(places)
         for votes in (self._hits, self._frees):
@@ -159,18 +166,21 @@ class Evidence:
         if not len(self) or not len(queries):
             return np.full(len(queries), np.inf)
         middles, returns = self._trees()
-        near = np.isfinite(middles.query(queries, p=np.inf, distance_upper_bound=NEAR_M + 0.5 * self._brick_m, workers=-1)[0])
+        near = np.isfinite(
+            middles.query(queries, p=np.inf, distance_upper_bound=NEAR_M + 0.5 * self._brick_m, workers=workers(len(queries)))[0]
+        )
         away = np.full(len(queries), np.inf)
-        away[near] = np.minimum(returns.query(queries[near], distance_upper_bound=NEAR_M, workers=-1)[0], NEAR_M)
+        away[near] = np.minimum(returns.query(queries[near], distance_upper_bound=NEAR_M, workers=workers(len(queries)))[0], NEAR_M)
         return away
 
     def _trees(self) -> tuple[cKDTree, cKDTree]:
-        """Over the middles of bricks, and of voxels with a return; made anew when there are more of either."""
-        count = len(self.bricks.corners), np.count_nonzero(self.hits)
-        if self._found is None or self._found[0] != count:
-            hit = self.bricks.indices(self.places[1:][self.hits[1:] > 0])
-            self._found = count, cKDTree((self.bricks.corners + 0.5) * self._brick_m), cKDTree((hit + 0.5) * self.resolution_m)
-        return self._found[1:]
+        """Over the middles of bricks, and of voxels with a return; made anew after `add`, by one of the threads that ask."""
+        with _ONE_AT_A_TIME:
+            if self._found is None or self._found[0] != self._changes:
+                hit = self.bricks.indices(self.places[1:][self.hits[1:] > 0])
+                middles = cKDTree((self.bricks.corners + 0.5) * self._brick_m)
+                self._found = self._changes, middles, cKDTree((hit + 0.5) * self.resolution_m)
+            return self._found[1:]
 
     def features(self, queries: np.ndarray, voxel: np.ndarray) -> np.ndarray:
         """(Q, F) what the Hilbert Map is told of `queries (Q, D)` in the seen voxels `voxel (Q,)`.

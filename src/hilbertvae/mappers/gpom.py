@@ -6,7 +6,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_count, check_positive
+from hilbertvae.cores import workers
 from hilbertvae.mappers.mapper import Mapper
 
 BLOCK = 64
@@ -105,7 +106,7 @@ class GpomMapper(Mapper):
         mean, variance = np.empty((2, len(queries)))
         if not len(queries):
             return mean, variance
-        near = self.tree_.query(queries, k=np.arange(1, min(self.neighbours, len(self.label_)) + 1), workers=-1)[1]
+        near = self.tree_.query(queries, k=np.arange(1, min(self.neighbours, len(self.label_)) + 1), workers=workers(len(queries)))[1]
         for start in range(0, len(queries), BLOCK):
             part = slice(start, start + BLOCK)
             away = np.clip(self.tree_.data[near[part]] - queries[part, None], -FAR_M, FAR_M)
@@ -136,8 +137,7 @@ class GpomMapper(Mapper):
     def _check_settings(self) -> None:
         if self.kernel not in KERNELS:
             raise InputError(f"kernel: expected one of {', '.join(KERNELS)}, got {self.kernel!r}")
-        if isinstance(self.neighbours, bool) or not isinstance(self.neighbours, (int, np.integer)) or self.neighbours < 1:
-            raise InputError(f"neighbours: expected a whole number of at least 1, got {self.neighbours!r}")
+        check_count(self.neighbours, "neighbours")
         for name in ("length_m", "noise", "slope"):
             check_positive(getattr(self, name), name)
         if self.free_spacing_m is not None:

@@ -7,6 +7,7 @@ was observed in its voxel, weighed by logistic regression.
 from __future__ import annotations
 
 from dataclasses import replace
+from threading import Lock
 
 import numpy as np
 from scipy.special import expit
@@ -21,7 +22,7 @@ from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
 from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
-from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, RankWeights, fit_cluster_weights, levelled, unit_weights
+from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, levelled, unit_weights
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 HIDDEN_GAP_M = 2.5
@@ -30,6 +31,7 @@ FLIPS = {2: 4, 3: 1}
 """In 3D four flips take four times as long for 0.001 of AUC on kitti00_start."""
 SHOWN_FROM = {2: 0.5, 3: 0.1}
 """How likely a cell has to be known to be shown in full. In 3D beams are far apart, and few cells are that likely to be met by one."""
+_ONE_AT_A_TIME = Lock()
 
 
 class HilbertMap(GrowingMapper):
@@ -100,10 +102,11 @@ class HilbertMap(GrowingMapper):
 
     @property
     def index_(self) -> FrameIndex:
-        """Finds the boxes that hold a query; made when first asked for, since scans alter the boxes."""
-        if self._index is None or self._index.frames is not self.frames_:
-            self._index = FrameIndex(self.frames_)
-        return self._index
+        """Finds the boxes that hold a query; made when first asked for, since scans alter the boxes, by one of the threads that ask."""
+        with _ONE_AT_A_TIME:
+            if self._index is None or self._index.frames is not self.frames_:
+                self._index = FrameIndex(self.frames_)
+            return self._index
 
     def _start(self, cloud: Cloud) -> None:
         """Check the settings for clouds like this one, and begin a map with what it observed."""
@@ -148,7 +151,7 @@ class HilbertMap(GrowingMapper):
         if weights.level:
             values = levelled(values, held)
         offset = np.where(held > 0, weights.unseen[-1], 0.0)
-        counts = np.where(target.occupied & (self.calibration == "points"), OCCUPIED_WEIGHT, 1.0)
+        counts = np.where(target.occupied & (self.calibration == "points"), weights.occupied_weight, 1.0)
         return fit_cluster_weights(values, holding, offset, weights.unseen[:-1], target.occupied, len(self.frames_), self.ridge, counts)
 
     def features(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:

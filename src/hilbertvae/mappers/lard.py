@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from hilbertvae.checks import check_positive
 from hilbertvae.clusters.clusters import Clusters
 from hilbertvae.clusters.quick_means import quick_means
+from hilbertvae.cores import workers
 from hilbertvae.mappers.logistic import LogisticMapper
 
 NEAREST = 5
@@ -48,7 +49,7 @@ class ClusterFeatures:
         nearest = min(NEAREST, len(self.means))
         if 0 in shape:
             return csr_array(shape)
-        column = self._tree.query(points, k=np.arange(1, nearest + 1), workers=-1)[1]
+        column = self._tree.query(points, k=np.arange(1, nearest + 1), workers=workers(len(points)))[1]
         away = [points[:, axis, None] - self.means[column, axis] for axis in range(points.shape[1])]
         exponent = np.zeros(column.shape)
         for a, first in enumerate(away):

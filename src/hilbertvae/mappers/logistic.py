@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import expit
 from sklearn.utils.validation import check_is_fitted
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_count, check_positive
 from hilbertvae.mappers.mapper import Mapper
 
 INTERCEPT_PACE = 0.01
@@ -146,9 +146,7 @@ class LogisticMapper(Mapper):
     def _check_settings(self) -> None:
         check_positive(self.rate, "rate")
         for name in ("epochs", "batch_size"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-                raise InputError(f"{name}: expected a whole number of at least 1, got {value!r}")
+            check_count(getattr(self, name), name)
         for name in ("penalty", "weight_power"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise InputError(f"{name}: expected a number of at least 0, got {getattr(self, name)!r}")

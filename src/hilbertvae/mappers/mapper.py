@@ -6,7 +6,6 @@ and implements `_fit` and `_probability`. Everything else (checks, labels, chunk
 
 from __future__ import annotations
 
-import os
 import pickle
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -17,7 +16,8 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from hilbertvae.checks import InputError, check_seed
+from hilbertvae.checks import InputError, check_whole
+from hilbertvae.cores import FEW, cores
 
 OCCUPIED_ABOVE = 0.6
 """Occupied if p > 0.6 (paper, section IV)."""
@@ -43,7 +43,7 @@ def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.nda
         part = order[start : start + chunk]
         answers[part] = answer(queries[part])
 
-    with ThreadPoolExecutor(_cores()) as pool:
+    with ThreadPoolExecutor(cores()) as pool:
         list(pool.map(put, range(0, len(queries), chunk)))
     return answers
 
@@ -62,11 +62,6 @@ def _by_place(queries: np.ndarray) -> np.ndarray:
         cell = np.nan_to_num((plane - low) * (255 / (high - low)), posinf=0.0).astype(np.uint16)
     # 16 bits, which numpy sorts in one pass.
     return np.argsort(cell[:, 0] * np.uint16(256) + cell[:, -1], kind="stable")
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def pickled_bytes(content: object) -> int:
@@ -90,7 +85,7 @@ def pickled_bytes(content: object) -> int:
 class Mapper(ClassifierMixin, BaseEstimator):
     """Base of the mappers. `fit(points (N, D), y (N,), sample_weight=None)`, `predict_proba(queries (Q, D)) -> (Q, 2)`."""
 
-    chunk = 16_384
+    chunk = FEW
     """Queries answered at once by one core: few enough that what is computed for them stays in its cache. Changes no answer."""
     needs_both_classes = True
     """Whether a cloud with one label only is refused. A mapper of hits alone overrides this."""
@@ -178,7 +173,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
         return None
 
     def _checked_cloud(self, points, y, sample_weight, first: bool = True):
-        check_seed(getattr(self, "seed", 0), "seed")
+        check_whole(getattr(self, "seed", 0), "seed")
         try:
             points, y = validate_data(self, points, y, dtype=np.float64, reset=first)
             check_classification_targets(y)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import check_count
+from hilbertvae.cores import workers
 from hilbertvae.mappers.mapper import Mapper
 
 
@@ -16,8 +17,7 @@ class NearestMapper(Mapper):
         self.neighbours = neighbours
 
     def _fit(self, points, occupied, weight):
-        if isinstance(self.neighbours, bool) or not isinstance(self.neighbours, (int, np.integer)) or self.neighbours < 1:
-            raise InputError(f"neighbours: expected a whole number of at least 1, got {self.neighbours!r}")
+        check_count(self.neighbours, "neighbours")
         # Sorted, so that which of equally near points gets a vote does not hang on the order in which they were given.
         order = np.lexsort([occupied, *points.T])
         self.tree_ = cKDTree(points[order])
@@ -27,4 +27,4 @@ class NearestMapper(Mapper):
         if not len(queries):
             return np.empty(0)
         nearest = np.arange(1, min(self.neighbours, len(self.occupied_)) + 1)
-        return self.occupied_[self.tree_.query(queries, k=nearest, workers=-1)[1]].mean(axis=1)
+        return self.occupied_[self.tree_.query(queries, k=nearest, workers=workers(len(queries)))[1]].mean(axis=1)

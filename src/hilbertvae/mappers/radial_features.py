@@ -9,6 +9,8 @@ import numpy as np
 from scipy.sparse import csr_array, get_index_dtype
 from scipy.spatial import cKDTree
 
+from hilbertvae.cores import workers
+
 BLOCK = 200_000
 """Pairs of a point and a candidate centre looked at together: few enough to stay in the processor's cache. Changes no number."""
 Pairs = tuple[slice | np.ndarray, np.ndarray, np.ndarray]
@@ -53,7 +55,7 @@ class RadialFeatures:
         """(C, K) int32: for each of `cells (C, D)` the centres within reach of some place in it, ascending, padded with M."""
         half_diagonal_m = 0.5 * self.cell_m * np.sqrt(cells.shape[1])
         radius_m = (self.reach_m + half_diagonal_m) * (1 + 1e-9)
-        found = self._tree.query_ball_point(cells * self.cell_m, radius_m, workers=-1, return_sorted=True)
+        found = self._tree.query_ball_point(cells * self.cell_m, radius_m, workers=workers(len(cells)), return_sorted=True)
         sizes = np.fromiter(map(len, found), np.int64, len(found))
         padded = np.full((len(cells), sizes.max(initial=0)), len(self.centres), np.int32)
         flat = np.fromiter(chain.from_iterable(found), np.int32, sizes.sum())

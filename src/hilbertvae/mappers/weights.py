@@ -52,6 +52,8 @@ class RankWeights:
     everywhere: np.ndarray
     level: bool = True
     beyond: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    occupied_weight: float = OCCUPIED_WEIGHT
+    """How many points one that is occupied counted for, where they were learned on points."""
 
     @property
     def neighbours(self) -> int:
@@ -85,16 +87,21 @@ class RankWeights:
 
     def plain(self) -> dict:
         """As plain values, for JSON."""
-        return {name: getattr(self, name).tolist() for name in NAMES} | {"level": self.level}
+        return {name: getattr(self, name).tolist() for name in NAMES} | {"level": self.level, "occupied_weight": self.occupied_weight}
 
     @classmethod
     def from_plain(cls, plain: dict) -> RankWeights:
-        """The inverse of `plain`; an `InputError` for weights of another version. Those that were learned before `beyond` was have 0."""
-        plain = {"beyond": [0.0, 0.0]} | plain
-        if sorted(plain) != sorted((*NAMES, "level")) or not isinstance(plain["level"], bool):
+        """The inverse of `plain`; an `InputError` for weights of another version. Those that were learned before `beyond` was have 0, and
+        those of before `occupied_weight` had `OCCUPIED_WEIGHT`."""
+        plain = {"beyond": [0.0, 0.0], "occupied_weight": OCCUPIED_WEIGHT} | plain
+        if sorted(plain) != sorted((*NAMES, "level", "occupied_weight")) or not isinstance(plain["level"], bool):
             wanted = ", ".join((*NAMES, "level"))
             raise InputError(f"checkpoint: expected Hilbert Map's weights {wanted}, got {', '.join(plain)}; learned by another version")
-        return cls(**{name: np.asarray(plain[name], float) for name in NAMES}, level=plain["level"])
+        return cls(
+            **{name: np.asarray(plain[name], float) for name in NAMES},
+            level=plain["level"],
+            occupied_weight=float(plain["occupied_weight"]),
+        )
 
 
 def levelled(values: np.ndarray, held: np.ndarray) -> np.ndarray:
@@ -117,8 +124,11 @@ def unit_weights(nearest: int, evidence_features: int) -> RankWeights:
 
 
 def fit_rank_weights(values, held, seen, evidence, away, occupied, occupied_weight: float = 1.0) -> RankWeights:
-    """Rank weights from queries with known labels: kernel weights non-negative, the rest free, a light ridge for R(w). Without queries
-    beyond all boxes, `beyond` stays 0. An occupied query counts for `occupied_weight` of them."""
+    """Rank weights from Q queries with known labels `occupied (Q,)`: kernel weights non-negative, the rest free, a light ridge for R(w).
+
+    values (Q, K), held (Q,), seen (Q,), evidence (S, F), away (Q,): as `HilbertMap.features` has them. Without queries beyond all boxes,
+    `beyond` stays 0. An occupied query counts for `occupied_weight` of them. Raises `InputError` without queries both seen and unseen.
+    """
     unseen, inside = ~seen & (held > 0), held > 0
     if not unseen.any() or not seen.any():
         raise InputError("rank weights: expected queries both in gaps and in observed voxels")
@@ -134,12 +144,16 @@ def fit_rank_weights(values, held, seen, evidence, away, occupied, occupied_weig
     # With a ridge that a few free queries don't outweigh: they make nothing certain.
     features = np.column_stack([away[alone], np.ones(np.count_nonzero(alone))])
     beyond = logistic_weights(features, occupied[alone], nonnegative=[], ridge=1.0, counts=counts[alone])
-    return RankWeights(in_gaps, observed, everywhere, beyond=beyond)
+    return RankWeights(in_gaps, observed, everywhere, beyond=beyond, occupied_weight=float(occupied_weight))
 
 
 def fit_cluster_weights(values, holding, offset, rank_weights, occupied, clusters: int, ridge: float, counts=1.0) -> np.ndarray:
     """(M,) non-negative factors u_m, with ridge towards 1, of logit = offset + sum_r w_r u_m(r) k_r: the classic Hilbert Map's own
-    weight per cluster, around the `rank` value. A few hundred sparse features, so all queries at once."""
+    weight per cluster, around the `rank` value. A few hundred sparse features, so all queries at once.
+
+    values (Q, K): of the kernel, in the boxes `holding (Q, K)`, -1 for none. offset (Q,), rank_weights (K,), occupied (Q,) bool;
+    counts (Q,), or one number: what each query counts for. M is `clusters`.
+    """
     query, rank = np.nonzero(holding >= 0)
     data = values[query, rank] * rank_weights[rank]
     features = csr_matrix((data, (query, holding[query, rank])), shape=(len(values), clusters))

@@ -81,6 +81,11 @@ def is_detailed(network: object) -> bool:
     return getattr(network, "encoding", None) == "detailed"
 
 
+def bottom_cells(network: object, cells: int) -> int:
+    """Cells along an axis of the last level of a network of these settings, for grids of `cells`; 0 if it has no such level."""
+    return getattr(network, "bottom_cells", lambda cells: 0)(cells)
+
+
 def group_norm(channels: int) -> nn.GroupNorm:
     """GroupNorm of about 16 channels a group: the same at training and at test, whatever the batch."""
     groups = max(1, channels // 16)

@@ -162,7 +162,7 @@ def _network_figures(mapper: HilbertMap, site: Site, gaps: Gaps) -> dict[str, Fi
     figures = {"pipeline": pipeline_picture(shown, network, site.whole, seed=mapper.seed)}
     draws = network.draws(grids[chosen], COMPLETIONS)
     if draws is None:
-        figures["prior"] = prior_picture(network)
+        figures |= {"prior": prior_picture(network)} if hasattr(network.network, "decode") else {}
     elif len(chosen):
         guess = network.complete(grids[chosen], flips=1)
         figures["completions"] = completion_rows(labels[chosen], target[chosen], guess, draws, network.likelihood.kind)

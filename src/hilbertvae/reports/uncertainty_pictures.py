@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from scipy.special import expit
 
 from hilbertvae.gaps import Gaps
-from hilbertvae.grids.kernel import NONE, cell_index
+from hilbertvae.grids.kernel import NONE, cell_index, kernel
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.reports.canvas import new_figure, outline_gaps, probability_bar, scale_bar, show_codes, show_probability
 from hilbertvae.reports.colours import UNCERTAINTY
@@ -63,12 +63,12 @@ def completions(mapper: HilbertMap, queries: np.ndarray, centre: np.ndarray) -> 
     Fewer where fewer hold it; 0.5 outside of a box. What was observed is left out: this is what a grid has drawn.
     """
     nearest = mapper.index_.holding(centre[None], mapper.neighbours)[0]
-    grids, cells = mapper.grids_.reshape(len(mapper.grids_), -1), mapper.grids_.shape[1]
     nothing_seen = np.zeros(len(queries), bool), np.empty((0, mapper.evidence_.feature_count))
     found = []
     for box in nearest[nearest != NONE][:COMPLETIONS]:
-        cell, inside = cell_index(mapper.frames_, queries, np.full(len(queries), box), cells)
-        values = np.zeros((len(queries), mapper.neighbours))
-        values[inside] = grids[box][cell[inside], None]
+        inside = cell_index(mapper.frames_, queries, np.full(len(queries), box), mapper.grids_.shape[1])[1]
+        holding = np.where(inside, box, NONE)[:, None]
+        value = kernel(mapper.grids_, mapper.frames_, queries, holding, mapper.grid_.interpolated)
+        values = np.repeat(value, mapper.neighbours, axis=1)
         found.append(expit(mapper.rank_weights_.logit(values, inside * mapper.neighbours, *nothing_seen)))
     return found

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from hilbertvae.cloud import Cloud
+from hilbertvae.cores import cores
 from hilbertvae.gaps import INSIDE, OUTSIDE, Gaps
 from hilbertvae.ground import ABOVE_GROUND_M
 from hilbertvae.scans.scan import Scans
@@ -88,7 +89,7 @@ def occlusion_case(site: Site, region: str, kept: np.ndarray) -> Case:
     seen, shown = part.whole, part.fit
     every, known = voxel_keys(site.voxels.points, site), voxel_keys(part.voxels.points, site)
     hidden = np.flatnonzero(~np.isin(every, known, assume_unique=True))
-    distance, _ = cKDTree(seen.points).query(site.voxels.points[hidden], distance_upper_bound=OCCLUSION_RANGE_M[1], workers=-1)
+    distance, _ = cKDTree(seen.points).query(site.voxels.points[hidden], distance_upper_bound=OCCLUSION_RANGE_M[1], workers=cores())
     chosen = (distance >= OCCLUSION_BANDS_M[0][0]) & (distance < OCCLUSION_RANGE_M[1])
     hidden, distance = hidden[chosen], distance[chosen]
     if len(hidden) > MOST_SCORED:

@@ -197,20 +197,23 @@ def evaluate_all(mappers: dict[str, Mapper], site: Site, protocol: Protocol, pro
     """
     best = site.remember("ceiling", lambda: ceiling(site))
     every = Result(site.name, site.dimension, protocol.gap_diameter_m, list(protocol.gap_seeds), best, protocol=asdict(protocol))
-    for group in alike(mappers):
-        found = None
-        try:
-            for seed in protocol.gap_seeds:
+    groups = {tuple(group): group for group in alike(mappers)}
+    found: dict[tuple, Result] = {}
+    for seed in protocol.gap_seeds:  # all mappers in turn, since a site remembers the cases of few seeds
+        for names, group in list(groups.items()):
+            try:
                 part = _evaluate_seed(group, site, replace(protocol, gap_seeds=[seed]), progress, kept)
-                found = found.followed_by(part) if found else part
-            every.add(found)
-        except Exception as error:
-            for name in group:
-                every.failed[name] = f"{type(error).__name__}: {error}"
-                if progress:
-                    progress(f"{name} on {site.name} failed: {every.failed[name]}")
-            continue
-        every.gaps = found.gaps
+            except Exception as error:
+                del groups[names]
+                for name in names:
+                    every.failed[name] = f"{type(error).__name__}: {error}"
+                    if progress:
+                        progress(f"{name} on {site.name} failed: {every.failed[name]}")
+            else:
+                found[names] = found[names].followed_by(part) if names in found else part
+    for names in groups:
+        every.add(found[names])
+        every.gaps = found[names].gaps
     return every
 
 

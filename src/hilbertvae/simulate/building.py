@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_count, check_positive, check_whole
 from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.laser import LaserSettings, RayCaster, bearings, extrude, sense, sim_extra
 
@@ -53,8 +53,7 @@ class BuildingSettings:
                 "building.shortest_extent_m: expected at least 6 and at most longest_extent_m "
                 f"({self.longest_extent_m!r}), got {self.shortest_extent_m!r}"
             )
-        if isinstance(self.scans, bool) or not isinstance(self.scans, int) or self.scans < 1:
-            raise InputError(f"building.scans: expected a positive whole number, got {self.scans!r}")
+        check_count(self.scans, "building.scans")
         for name in ("pose_noise_m", "heading_noise_deg"):
             if not np.isfinite(getattr(self, name)) or getattr(self, name) < 0:
                 raise InputError(f"building.{name}: expected zero or a positive number, got {getattr(self, name)!r}")
@@ -65,8 +64,7 @@ def simulate_building(settings: BuildingSettings, seed: int) -> Scans:
 
     Raises `InputError` where the extra `sim` is not installed, or where no drivable building comes of these settings.
     """
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise InputError(f"seed: expected a whole number of at least 0, got {seed!r}")
+    check_whole(seed, "seed")
     shapely = sim_extra("shapely")
     from hilbertvae.simulate.drive import drive, poses_along
     from hilbertvae.simulate.floor_plan import draw_floor_plan

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_positive, how_to_install
+from hilbertvae.checks import InputError, check_count, check_positive, how_to_install
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,7 @@ class LaserSettings:
     edge_mix_share: float = 0.2
 
     def __post_init__(self):
-        if isinstance(self.beams, bool) or not isinstance(self.beams, int) or self.beams < 1:
-            raise InputError(f"laser.beams: expected a positive whole number, got {self.beams!r}")
+        check_count(self.beams, "laser.beams")
         for name in ("field_of_view_deg", "max_range_m"):
             check_positive(getattr(self, name), f"laser.{name}")
         if self.field_of_view_deg > 360:

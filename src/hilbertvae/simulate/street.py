@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_positive, check_whole
 from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.laser import sim_extra
 from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar, hidden_by_car, sense_turn
@@ -77,8 +77,7 @@ def simulate_street(settings: StreetSettings, seed: int) -> Scans:
 
     Raises `InputError` where the extra `sim` is not installed.
     """
-    if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or seed < 0:
-        raise InputError(f"seed: expected a whole number of at least 0, got {seed!r}")
+    check_whole(seed, "seed")
     for module in ("shapely", "trimesh", "trimesh.ray.ray_pyembree"):
         sim_extra(module)
     from hilbertvae.simulate.street_filling import add_traffic, fill

@@ -70,8 +70,7 @@ class Run:
 
     def map(self, mapper: str, what: str) -> list[float]:
         """`clusters` of a fitted map, or its size in `bytes`."""
-        maps = getattr(self.result, "maps", None) or self.about.get("maps", {})
-        return [float(number) for number in maps.get(mapper, {}).get(what, [])]
+        return [float(number) for number in self.result.maps.get(mapper, {}).get(what, [])]
 
     def champion(self, reading: str) -> str | None:
         """The row of the run's network that is calibrated for a reading, else any of its network's."""

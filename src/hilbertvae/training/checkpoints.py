@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 
+import torch
 from lightning.pytorch.callbacks import EarlyStopping, ModelCheckpoint
 from lightning.pytorch.callbacks.early_stopping import EarlyStoppingReason
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 
 from hilbertvae.files import atomic
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reports.provenance import made_by
+from hilbertvae.training.settings import Settings
 
 
 class AtomicCheckpoints(TorchCheckpointIO):
@@ -38,3 +42,24 @@ class PatienceOnce(EarlyStopping):
     def on_train_start(self, trainer, pl_module) -> None:
         if self.stopping_reason != EarlyStoppingReason.NOT_STOPPED:
             trainer.should_stop = True
+
+
+def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) -> Reconstructor:
+    """The network of a run with the weights of the checkpoint at `path`, and a card that says what it was trained on, by what."""
+    saved = torch.load(path, map_location="cpu", weights_only=True)
+    weights = {key.removeprefix("network."): value for key, value in saved["state_dict"].items() if key.startswith("network.")}
+    network = network.to("cpu")
+    network.load_state_dict(weights)
+    kind = {2: "buildings", 3: "streets"}[settings.dimension]
+    card = {
+        "trained_on": [*settings.data.train, f"{settings.data.simulated} simulated {kind}"],
+        "validated_on": settings.data.validate,
+        "epoch": saved["epoch"],
+        "steps": saved["global_step"],
+        "seed": settings.seed,
+        **made_by(),
+        **({"started_from": Reconstructor.load(settings.trainer.initial).card} if settings.trainer.initial else {}),
+    }
+    return Reconstructor(
+        network, settings.network, settings.likelihood, settings.grid, settings.dimension, settings.resolution_m, card=card
+    )

@@ -51,22 +51,29 @@ class GridsDataModule(L.LightningDataModule):
         self.train_pairs: GridPairs | None = None
         self.validation_pairs: Subset | None = None
 
+    def prepare_data(self) -> None:
+        """On one process of each machine, while the others of a distributed training wait."""
+        build_all(sum(self._jobs(), []), self.settings)
+
     def setup(self, stage: str | None = None) -> None:
         if self.train_pairs is not None:
             return
-        settings, data = self.settings, self.settings.data
-        jobs = [(name, seed) for name in data.train for seed in range(settings.clustering.clusterings)]
-        # From 1 on, since clustering 0 turns nothing: a simulated building stands square, and few real ones do.
-        jobs += [(name, seed) for name in settings.simulated_sites() for seed in range(1, data.simulated_clusterings + 1)]
-        validation = [(data.validate, seed) for seed in VALIDATION_SEEDS]
-        paths = build_all(jobs + validation, settings)
-        voted = is_voted(settings)
+        settings, (jobs, validation) = self.settings, self._jobs()
+        paths, voted = build_all(jobs + validation, settings), is_voted(settings)
         self.train_pairs = GridPairs(paths[: len(jobs)], voted)
         validation_pairs = GridPairs(paths[len(jobs) :], voted)
         some = np.random.default_rng(0).permutation(len(validation_pairs))[: settings.trainer.validation_grids]
         self.validation_pairs = Subset(validation_pairs, some.tolist())
         if not len(self.train_pairs) or not len(self.validation_pairs):
             raise InputError("data: expected clusters to train and to validate on, got none; is grid.minimum_points too large?")
+
+    def _jobs(self) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
+        """Which clusterings, by site and seed, are trained and which are validated on."""
+        settings, data = self.settings, self.settings.data
+        jobs = [(name, seed) for name in data.train for seed in range(settings.clustering.clusterings)]
+        # From 1 on, since clustering 0 turns nothing: a simulated building stands square, and few real ones do.
+        jobs += [(name, seed) for name in settings.simulated_sites() for seed in range(1, data.simulated_clusterings + 1)]
+        return jobs, [(data.validate, seed) for seed in VALIDATION_SEEDS]
 
     def train_dataloader(self) -> DataLoader:
         trainer = self.settings.trainer

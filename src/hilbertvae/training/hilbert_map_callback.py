@@ -11,10 +11,9 @@ import torch
 
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.hparams import write_hparams
-from hilbertvae.reports.provenance import made_by
 from hilbertvae.scoring.calibration import learn_rank_weights
+from hilbertvae.training.checkpoints import best_reconstructor
 from hilbertvae.training.devices import filling_device
 from hilbertvae.training.kept_network import KeptNetwork
 from hilbertvae.training.opened_sites import opened_site
@@ -45,7 +44,7 @@ class HilbertMapCallback(L.Callback):
         if not trainer.is_global_zero:
             return
         settings = self.settings
-        reconstructor = self._best(trainer, module)
+        reconstructor = best_reconstructor(settings, module.network, trainer.checkpoint_callback.best_model_path)
         site = opened_site(settings.data.validate, settings)
         mapper = HilbertMap(reconstructor, flips=settings.flips, device=filling_device(settings))
         learned = learn_rank_weights(mapper, site, **settings.calibration())
@@ -69,22 +68,3 @@ class HilbertMapCallback(L.Callback):
     def _until_now(self, stage: str) -> float:
         """Wall time of a stage, of which earlier starts of a run had done a part."""
         return round(self.before.get(stage, 0.0) + time.perf_counter() - self.since, 1)
-
-    def _best(self, trainer: L.Trainer, module: L.LightningModule) -> Reconstructor:
-        settings = self.settings
-        saved = torch.load(trainer.checkpoint_callback.best_model_path, map_location="cpu", weights_only=True)
-        weights = {key.removeprefix("network."): value for key, value in saved["state_dict"].items() if key.startswith("network.")}
-        network = module.network.to("cpu")
-        network.load_state_dict(weights)
-        kind = {2: "buildings", 3: "streets"}[settings.dimension]
-        card = {
-            "trained_on": [*settings.data.train, f"{settings.data.simulated} simulated {kind}"],
-            "validated_on": settings.data.validate,
-            "epoch": saved["epoch"],
-            "steps": saved["global_step"],
-            "seed": settings.seed,
-            **made_by(),
-            **({"started_from": Reconstructor.load(settings.trainer.initial).card} if settings.trainer.initial else {}),
-        }
-        grid, likelihood = settings.grid, settings.likelihood
-        return Reconstructor(network, settings.network, likelihood, grid, settings.dimension, settings.resolution_m, card=card)

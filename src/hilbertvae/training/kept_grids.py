@@ -26,7 +26,13 @@ GRID_SOURCES = (
     "bucket_index.py",
     "scans",
     "simulate",
-    "clusters",
+    "clusters/ask_means.py",
+    "clusters/clusters.py",
+    "clusters/kmeans_parallel.py",
+    "clusters/kmeans_plus_plus.py",
+    "clusters/quick_means.py",
+    "clusters/random_start.py",
+    "clusters/starts.py",
     "grids",
     "training/kept_grids.py",
 )
@@ -35,9 +41,10 @@ GRID_SOURCES = (
 
 def build_all(jobs: list[tuple[str, int]], settings: Settings) -> list[Path]:
     """The cache file of each (site, clustering seed); those that are not there are built, with progress."""
-    paths = [Path(settings.data.cache) / f"grids-{grids_hash(name, seed, settings)}.npy" for name, seed in jobs]
+    contents = {name: settings.source().made_of(name) for name in dict(jobs)}
+    paths = [Path(settings.data.cache) / f"grids-{grids_hash(contents[name], seed, settings)}.npy" for name, seed in jobs]
     missing = {path: job for path, job in zip(paths, jobs, strict=True) if not path.exists()}
-    work = (delayed(_build)(path, *job, settings) for path, job in missing.items())
+    work = (delayed(_build)(path, name, contents[name], seed, settings) for path, (name, seed) in missing.items())
     if missing:
         results = Parallel(n_jobs=settings.data.processes or -1, return_as="generator_unordered")(work)
         for _ in track(results, "Clustering sites", total=len(missing)):
@@ -50,25 +57,12 @@ def is_voted(settings: Settings) -> bool:
     return settings.likelihood.vote_power > 0
 
 
-def load_pairs(paths: list[Path], voted: bool) -> tuple[np.ndarray, np.ndarray]:
-    """(shown, target) of all files, one after the other: filled in place, since they can take half of the memory that there is."""
-    files = [np.load(path, mmap_mode="r") for path in paths]
-    count, (channels, *cells), own = sum(len(file) for file in files), files[0].shape[1:], 1 + voted
-    shown, target = np.empty((count, channels - own, *cells), np.int8), np.empty((count, own, *cells), np.int8)
-    start = 0
-    for file in files:
-        end = start + len(file)
-        shown[start:end], target[start:end] = file[:, :-own], file[:, -own:]
-        start = end
-    return tuple(grids[:, 0] if grids.shape[1] == 1 else grids for grids in (shown, target))
-
-
-def grids_hash(name: str, seed: int, settings: Settings) -> str:
-    """What names a cache file: all that its grids depend on."""
+def grids_hash(contents: dict, seed: int, settings: Settings) -> str:
+    """What names a cache file: all that its grids depend on. contents: what a site is made of (`SiteSource.made_of`)."""
     made_of = {
         "version": hilbertvae.__version__,
         "code": code_hash(GRID_SOURCES),
-        **settings.source().made_of(name),
+        **contents,
         "seed": seed,
         "resolution_m": settings.resolution_m,
         "grid": asdict(replace(settings.grid, interpolated=False)),  # which tells how a map reads grids
@@ -94,14 +88,14 @@ def _clustering(seed: int, settings: Settings) -> ClusteringSettings:
     return replace(settings.clustering, clusterings=1, turn=settings.clustering.turn and seed > 0)
 
 
-def draw_seed(name: str, seed: int, settings: Settings) -> int:
+def draw_seed(contents: dict, seed: int) -> int:
     """What a clustering's randomness comes from: the site, too, else all simulated sites would be turned by one angle."""
-    return seed if seed in VALIDATION_SEEDS else int(hash_of([settings.source().made_of(name), seed])[:8], 16)
+    return seed if seed in VALIDATION_SEEDS else int(hash_of([contents, seed])[:8], 16)
 
 
-def _build(path: Path, name: str, seed: int, settings: Settings) -> None:
+def _build(path: Path, name: str, contents: dict, seed: int, settings: Settings) -> None:
     scans = settings.source().scans(name)
-    how = _clustering(seed, settings), draw_seed(name, seed, settings), is_detailed(settings.network), is_voted(settings)
+    how = _clustering(seed, settings), draw_seed(contents, seed), is_detailed(settings.network), is_voted(settings)
     pair = training_grids(scans, settings.resolution_m, settings.grid, *how)
     channels = [grids if grids.ndim == settings.dimension + 2 else grids[:, None] for grids in pair]
     with atomic(path) as temporary:

@@ -128,7 +128,7 @@ def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor:
                 if reconstructor is None:
                     raise InputError(f"mapper.{name}: expected a trained network or `checkpoint`, got neither")
                 mapper.set_params(reconstructor=reconstructor)
-                if not reconstructor.network_settings.variational:
+                if not getattr(reconstructor.network_settings, "variational", False):
                     name = name.replace("cvae-", "cae-")
             elif isinstance(mapper.reconstructor, str):
                 mapper.set_params(reconstructor=Reconstructor.load(mapper.reconstructor))

@@ -21,8 +21,13 @@ LARGEST_BYTES = 500_000_000
 
 
 def check_roles(train: list[str], validate: str, test: list[str]) -> None:
-    """An `InputError` that names the key if a site plays two parts, or if results of two would lie in one folder."""
+    """An `InputError` that names the key if a site plays two parts, if one of the catalogue's test sites is trained or validated on, or if
+    results of two would lie in one folder."""
     trained = {place(site) for site in train}
+    for key, sites in (("data.train", train), ("data.validate", [validate])):
+        scored = [site for site in sites if (entry := CATALOGUE.get(place(site))) and entry.role == "test"]
+        if scored:
+            raise InputError(f"{key}: {', '.join(scored)} is for tests alone, expected a site that results are not compared on")
     if place(validate) in trained:
         raise InputError(f"data.validate: {validate!r} is also trained on")
     both = [site for site in test if place(site) in {*trained, place(validate)}]

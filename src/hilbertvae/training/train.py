@@ -19,6 +19,7 @@ import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.files import hash_of, write_json
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reconstruction.blocks import bottom_cells
 from hilbertvae.reconstruction.precision import training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.training.checkpoints import AtomicCheckpoints, MovableCheckpoint, PatienceOnce
@@ -126,8 +127,8 @@ def _precision(settings: Settings) -> str:
     """Lightning's word for `trainer.precision`."""
     if settings.trainer.precision != "auto":
         return settings.trainer.precision
-    bottom_cells = getattr(settings.network, "bottom_cells", lambda cells: 0)(settings.grid.cells)  # the paper's has no such level
-    numbers = training_type(training_device(settings), settings.dimension, bottom_cells)
+    last_level = bottom_cells(settings.network, settings.grid.cells)
+    numbers = training_type(training_device(settings), settings.dimension, last_level)
     return "bf16-mixed" if numbers is torch.bfloat16 else "32-true"
 
 
