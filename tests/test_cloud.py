@@ -1,3 +1,4 @@
+import warnings
 from collections import defaultdict
 
 import numpy as np
@@ -222,3 +223,55 @@ def test_keys_are_sorted_as_argsort_does_however_large(keys):
     order, found = sorted_keys(keys)
     np.testing.assert_array_equal(order, np.argsort(keys, kind="stable"))
     np.testing.assert_array_equal(found, np.sort(keys))
+
+
+def warnings_of(*given, **named):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        cloud_from_scans(*given, **named)
+    return [str(warning.message) for warning in caught]
+
+
+def test_scans_that_can_not_be_in_metres_are_told(room):
+    points, origins = room.scans.points[:500], room.scans.origins[:500]
+    assert warnings_of(points, origins) == []
+    (told,) = warnings_of(points * 1000, origins * 1000, resolution_m=100.0)
+    assert "points: half of the beams are longer than" in told and "millimetres" in told
+
+
+def test_a_stray_return_is_told_and_can_be_left_out(room):
+    points, origins = room.scans.points[:500], room.scans.origins[:500]
+    stray = np.concatenate([points, [[5000.0, 0.0]]]), np.concatenate([origins, origins[:1]])
+    (told,) = warnings_of(*stray)
+    assert told.startswith("points: 1 of 501 beams are longer than 1000 m, up to 49") and "max_range_m drops them" in told
+    kept = cloud_from_scans(*stray, max_range_m=80.0)
+    np.testing.assert_array_equal(kept.points, cloud_from_scans(points, origins).points)
+    with pytest.raises(InputError, match="max_range_m: expected a positive"):
+        cloud_from_scans(points, origins, max_range_m=0.0)
+    far = points * 300, origins * 300  # all as long: a large place, no stray return
+    assert not any("are they returns" in told for told in warnings_of(*far, resolution_m=30.0))
+
+
+@pytest.mark.parametrize("listed", [False, True])
+def test_single_precision_that_moves_walls_is_told(room, listed):
+    """At UTM's 4000 km float32 counts in steps of a quarter of a metre."""
+    points, origins = room.scans.points[:500] + [500_000.0, 4_000_000.0], room.scans.origins[:500] + [500_000.0, 4_000_000.0]
+    given = ([points[:300], points[300:]], origins[[0, 300]]) if listed else (points, origins)
+    assert warnings_of(*given) == []
+    coarse = [part.astype(np.float32) for part in given[0]] if listed else points.astype(np.float32)
+    (told,) = warnings_of(coarse, given[1])
+    assert told.startswith("points: its coordinates, up to 400") and "which keeps them to 0.25 m" in told
+    assert warnings_of(room.scans.points.astype(np.float32), room.scans.origins) == []
+
+
+def test_only_empty_scans_are_refused(room):
+    with pytest.raises(InputError, match="scans: expected at least one return"):
+        cloud_from_scans([np.empty((0, 2)), np.empty((0, 2))], np.zeros((2, 2)))
+    with pytest.raises(InputError, match="scans: expected at least one return"):
+        cloud_from_scans(room.scans.points, room.scans.origins, max_range_m=0.01)
+
+
+def test_masked_points_are_refused(room):
+    masked = np.ma.masked_greater(room.scans.points, 5.0)
+    with pytest.raises(InputError, match="points: expected no masked coordinates, got"):
+        cloud_from_scans(masked, room.scans.origins)

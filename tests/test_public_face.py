@@ -26,3 +26,14 @@ def test_the_estimators_need_neither_lightning_nor_hydra():
         "print([name for name in ('lightning', 'hydra', 'omegaconf') if name in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("command", ["map", "query"])
+def test_help_and_typing_errors_do_not_wait_for_torch(command):
+    program = f"""
+import sys
+from hilbertvae.commands.{command} import main
+assert main(["--help"]) == 0 and main(["colour=red"]) == 2
+print([name for name in ("torch", "sklearn", "matplotlib") if name in sys.modules])
+"""
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.endswith("\n[]\n")

@@ -11,6 +11,8 @@ class InputError(ValueError):
 
 def check_points(points, name: str = "points", dimension: int | None = None, allow_empty: bool = False) -> np.ndarray:
     """`points` as a finite (N, D) float64 array, D 2 or 3 (or `dimension`); an `InputError` otherwise."""
+    if np.ma.is_masked(points):
+        raise InputError(f"{name}: expected no masked coordinates, got {np.count_nonzero(np.ma.getmaskarray(points))}; leave them out")
     try:
         points = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_cell_m, check_points
+from hilbertvae.checks import InputError, check_cell_m, check_points, check_positive
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, warn_if_rounded, warn_of_long_beams, within_range
 from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_votes import VoxelVotes, voxel_votes
 
@@ -80,12 +81,14 @@ def points_cloud(scans: Scans, resolution_m: float, seed: int = 0) -> tuple[Clou
     return cloud, np.concatenate([np.arange(len(scans)), beam])
 
 
-def cloud_from_scans(points, origins, resolution_m: float | None = None) -> Cloud:
+def cloud_from_scans(points, origins, resolution_m: float | None = None, max_range_m: float | None = None) -> Cloud:
     """The `fit` cloud of a user's scans.
 
-    points: a list of (n_s, D) arrays in metres in the map frame, one per scan, or one (N, D) array.
+    points: a list of (n_s, D) arrays in metres in the map frame, one per scan, or one (N, D) array. Of several scans some may be empty.
     origins: (S, D), where the sensor stood in each scan; with one array of points, (N, D) or one (D,) origin.
-    resolution_m: 0.1 in 2D and 0.2 in 3D unless given. Raises `InputError` for what does not fit together.
+    resolution_m: 0.1 in 2D and 0.2 in 3D unless given. max_range_m: beams as long as this and longer are dropped; none unless given.
+    Raises `InputError` for what does not fit together. A `UserWarning` says where coordinates can't be in metres, where a beam is longer
+    than any laser's, and where single precision has moved far coordinates by a part of a cell.
     """
     if isinstance(points, (list, tuple)) and len(points) and np.ndim(points[0]) == 2:
         check_points(points[0], "points", allow_empty=True)
@@ -102,5 +105,14 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None) -> Clou
             raise InputError(f"origins: expected one, or one per point ({len(points)}), got {len(origins)}")
         origins = np.broadcast_to(origins, points.shape)
         scan = np.zeros(len(points), np.int32)
-    scans = Scans(points, origins, scan, np.arange(len(points), dtype=np.int32))
-    return fit_cloud(scans, RESOLUTION_M[points.shape[1]] if resolution_m is None else check_cell_m(resolution_m, "resolution_m"))
+    resolution_m = RESOLUTION_M[points.shape[1]] if resolution_m is None else check_cell_m(resolution_m, "resolution_m")
+    warn_if_rounded(points, "points")
+    lengths = beam_lengths(points, origins)
+    units = UnitCheck()
+    units.see(lengths)
+    units.warn("points")
+    warn_of_long_beams(lengths, "points")
+    if max_range_m is not None:
+        kept = within_range(lengths, -1.0, check_positive(max_range_m, "max_range_m"))
+        points, origins, scan = points[kept], origins[kept], scan[kept]
+    return fit_cloud(Scans(points, origins, scan, np.arange(len(points), dtype=np.int32)), resolution_m)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 import warnings
 from collections.abc import Callable
@@ -23,7 +22,7 @@ from hilbertvae.exports.map_folder import (
     SUMMARY,
     check_output,
     check_writable,
-    listed_files,
+    replace_map,
     scans_hash,
     writing_beside,
 )
@@ -31,6 +30,7 @@ from hilbertvae.exports.map_picture import write_picture
 from hilbertvae.exports.page import write_page
 from hilbertvae.exports.summary import map_summary, point_counts, summary_tables
 from hilbertvae.files import write_json
+from hilbertvae.map_settings import FLAT_M, MapSettings
 from hilbertvae.mappers.given_map import GivenMap, is_given_map, read_given_map, warn_of_moved_walls
 from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.saved_map import save_map
@@ -43,41 +43,6 @@ from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_blocks import SIDE
 
 Say = Callable[[str], None]
-FLAT_M = 1e-3
-"""Points of a planar laser in a format of three coordinates differ in height by rounding alone."""
-
-
-@dataclass
-class MapSettings(ReadingSettings):
-    """One run of `hilbertvae-map`; how scans are read is inherited."""
-
-    scans: str = ""
-    """A file or a folder of scans, or a map to be filled: an OctoMap `.ot` or `.bt`, a ROS map's `.yaml`. Of maps that
-    were filled before, give the `_observed` one: what a map holds is taken as seen. Cells count from (0, 0): where a ROS map's `origin` is
-    no whole number of cells, its walls move by up to half a cell, with a warning, and its unknown margin is not kept."""
-    output: str | None = None
-    """Folder to write to; `outputs/maps/<name of the scans>` unless given."""
-    weights: str | None = None
-    """A network that comes with the package, or the `model.safetensors` of a training; `2d` or `3d`, as the data are, unless given."""
-    resolution_m: float | None = None
-    """Side of the map's cells; the network's own (0.1 in 2D, 0.2 in 3D), or that of a map to be filled, unless given."""
-    fill: bool = True
-    """`off` gives the observed map alone."""
-    adapt_steps: int = 0
-    """For how many steps the network first learns from the scans themselves, from gaps cut for that; 100 take 25 to 55 s in 2D."""
-    calibration: str = "voxels"
-    """What the map is made for. `voxels`: a probability is the share of cells that are occupied. `points`: the cut of 0.6 finds most
-    of what beams would hit. It fills in two to four times as much, and more of that is wrong (a street's gaps, by cells: recall 89 %
-    for 43 %, precision 54 % for 88 %); of seen cells some more are occupied (4 % more in a street, 14 % in a building)."""
-    exports: list[str] | None = None
-    """Which formats are written, as `exports=[ros,points]`, of ros, ot, bt, points, mesh, npz and rerun; all that suit the map and need no
-    extra, unless given."""
-    device: str = "cpu"
-    """Where the network computes: `cpu`, or `cuda` where there is one."""
-
-    def reading(self) -> ReadingSettings:
-        """How scans are read."""
-        return ReadingSettings(**{part.name: getattr(self, part.name) for part in fields(ReadingSettings)})
 
 
 def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
@@ -151,11 +116,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         write_page(cells, folder / PAGE, name, summary_tables(summary))
         files = sorted(file.name for file in folder.iterdir())
         write_json(folder / SUMMARY, {**summary, "scans_hash": scans_hash(Path(settings.scans)), "files": files, **made_by()})
-        stale = listed_files(output) - {*files, SUMMARY}
-        for file in (*files, SUMMARY):
-            os.replace(folder / file, output / file)
-        for file in stale:  # of a map that was here before: two maps in one folder would pass for one
-            (output / file).unlink(missing_ok=True)
+        replace_map(folder, output, files)
     return output
 
 

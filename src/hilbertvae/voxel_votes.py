@@ -14,8 +14,8 @@ from hilbertvae.scans.scan import Scans
 SAMPLES_AT_ONCE = 1_000_000
 MOST_ALONG = {2: 2**34, 3: 2**22}
 """Voxels along an axis: as many as a map's bricks tell apart (`mappers/voxel_bricks.py`)."""
-MOST_SAMPLES = 1e8
-"""Of one beam, whose samples lie in memory at once."""
+MOST_SAMPLES = 1e6
+"""Of one beam, whose samples lie in memory at once: 100 km in cells of 0.1 m."""
 BYTES_A_VOXEL = 1000
 """What a voxel seen takes at the least, at the worst moment on its way into a map."""
 

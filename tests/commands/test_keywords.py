@@ -1,5 +1,3 @@
-import os
-import signal
 import subprocess
 import sys
 
@@ -9,17 +7,9 @@ from map_command_toys import npz_of
 
 from hilbertvae.commands import map as map_command
 from hilbertvae.commands import query as query_command
-from hilbertvae.commands.keywords import from_home, stopped_by_sigterm
+from hilbertvae.commands.keywords import from_home
 from hilbertvae.mapping import MapSettings
 from toy_rooms import tiny_reconstructor
-
-
-def test_sigterm_ends_a_command_as_ctrl_c_does():
-    before = signal.getsignal(signal.SIGTERM)
-    with pytest.raises(KeyboardInterrupt), stopped_by_sigterm():
-        os.kill(os.getpid(), signal.SIGTERM)
-        signal.pause()
-    assert signal.getsignal(signal.SIGTERM) is before
 
 
 @pytest.mark.parametrize(("word", "first"), [("map=its", b"0\n"), ("--help", b"say key=value ...\n")])

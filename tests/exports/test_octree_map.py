@@ -1,5 +1,7 @@
 """What `write_octree_map` writes, read by octomap-python alone, and by our own reader."""
 
+import warnings
+
 import numpy as np
 import octomap
 import pytest
@@ -97,3 +99,17 @@ def test_what_does_not_fit_is_refused_and_leaves_nothing(tmp_path):
         with pytest.raises(InputError, match=named):
             write_octree_map(cells, tmp_path / name)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("ending", [".ot", ".bt"])
+def test_a_file_with_predicted_cells_says_so_when_it_is_read(tmp_path, ending):
+    """Nothing else there tells them from observed ones."""
+    cells = random_cells(3)
+    assert not cells.observed.all()
+    write_octree_map(cells, tmp_path / f"map{ending}")
+    seen = f"map{ending}: was filled before, and what was predicted is now taken as seen; map_observed{ending} has what was"
+    with pytest.warns(UserWarning, match=seen):
+        read_octree(tmp_path / f"map{ending}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_octree(tmp_path / f"map_observed{ending}")

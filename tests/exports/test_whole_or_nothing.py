@@ -1,16 +1,22 @@
 """A disk that is full while a map is written: what was there stays, and nothing half-written is left."""
 
 import errno
+import json
 import os
+import signal
+from pathlib import Path
 
 import pytest
 from export_toys import random_cells
 
 from hilbertvae.exports.grid_npz import write_grid
+from hilbertvae.exports.map_folder import SUMMARY, replace_map
 from hilbertvae.exports.mesh_ply import write_mesh_ply
 from hilbertvae.exports.octree import write_octree_map
 from hilbertvae.exports.points_ply import write_points_ply
 from hilbertvae.exports.ros_map import write_ros_map
+from hilbertvae.files import write_json
+from hilbertvae.signals import stopped_by_signals
 
 WRITERS = {
     "map.yaml": (write_ros_map, 2),
@@ -37,3 +43,64 @@ def test_a_full_disk(tmp_path, monkeypatch, name, there):
     with pytest.raises(OSError, match="No space left"):
         write(random_cells(dimension, seed=2), tmp_path / name)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def earlier_map(output):
+    """What a map of other scans left."""
+    output.mkdir()
+    for name in ("map.npz", "map.bt", "map_observed.bt"):
+        (output / name).write_text("old")
+    write_json(output / SUMMARY, {"files": ["map.npz", "map.bt", "map_observed.bt"]})
+    return output
+
+
+def new_map(folder):
+    folder.mkdir()
+    (folder / "map.npz").write_text("new")
+    (folder / "map.safetensors").write_text("new")
+    write_json(folder / SUMMARY, {"files": ["map.npz", "map.safetensors"]})
+    return folder
+
+
+def contents(output):
+    return {path.name: path.read_text() for path in output.iterdir() if path.name != SUMMARY}
+
+
+@pytest.mark.parametrize("nth", [1, 2, 3])
+def test_a_map_that_is_stopped_while_it_replaces_another_is_whole(tmp_path, monkeypatch, nth):
+    """Whenever it is stopped: no folder has files of both."""
+    output, folder, moved = earlier_map(tmp_path / "out"), new_map(tmp_path / "new"), []
+    replace = os.replace
+
+    def stopping(*places):
+        if Path(places[0]).parent == folder:
+            moved.append(places)
+            if len(moved) == nth:
+                os.kill(os.getpid(), signal.SIGTERM)
+        replace(*places)
+
+    monkeypatch.setattr(os, "replace", stopping)
+    with pytest.raises(KeyboardInterrupt), stopped_by_signals():
+        replace_map(folder, output, ["map.npz", "map.safetensors"])
+    assert contents(output) == {"map.npz": "new", "map.safetensors": "new"}
+    assert json.loads((output / SUMMARY).read_text())["files"] == ["map.npz", "map.safetensors"]
+
+
+def test_a_map_that_was_ended_by_force_says_so_and_can_be_made_again(tmp_path, monkeypatch):
+    output, folder = earlier_map(tmp_path / "out"), new_map(tmp_path / "new")
+    replace = os.replace
+
+    def ended(source, target):
+        if Path(source).name == "map.safetensors":
+            raise SystemExit("killed")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", ended)
+    with pytest.raises(SystemExit):
+        replace_map(folder, output, ["map.npz", "map.safetensors"])
+    assert json.loads((output / SUMMARY).read_text())["unfinished"] is True
+    monkeypatch.undo()
+    again = new_map(tmp_path / "again")
+    replace_map(again, output, ["map.npz", "map.safetensors"])
+    assert contents(output) == {"map.npz": "new", "map.safetensors": "new"}
+    assert "unfinished" not in json.loads((output / SUMMARY).read_text())

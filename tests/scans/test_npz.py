@@ -1,6 +1,7 @@
 import io
 import pickle
 import tracemalloc
+import warnings
 import zipfile
 
 import numpy as np
@@ -9,6 +10,7 @@ from point_writers import POINTS, write_npz
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.npz import read_npz
+from hilbertvae.scans.point_files import read_point_file
 
 SCAN = np.arange(len(POINTS)) // 20
 
@@ -88,3 +90,14 @@ def test_forged_shapes_and_bombs_take_no_memory(tmp_path):
     tracemalloc.stop()
     with pytest.raises(InputError, match="expected members that are stored or deflated"):
         read_npz(forged(tmp_path / "a.npz", POINTS.shape, POINTS.tobytes(), zipfile.ZIP_LZMA))
+
+
+def test_single_precision_that_moves_walls_is_told(tmp_path):
+    """UTM, to a quarter of a metre; a float64 file of the same place says nothing."""
+    points = np.random.default_rng(0).uniform(-5, 5, (50, 2)) + [500_000.0, 4_000_000.0]
+    for kind, told in ((np.float32, 1), (np.float64, 0)):
+        np.savez(tmp_path / "utm.npz", points=points.astype(kind), origins=np.array([500_000.0, 4_000_000.0]))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            read_point_file(tmp_path / "utm.npz")
+        assert [f"{tmp_path / 'utm.npz'}: its coordinates, up to 400" in str(one.message) for one in caught] == [True] * told

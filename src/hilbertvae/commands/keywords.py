@@ -6,12 +6,8 @@ import ast
 import dataclasses
 import inspect
 import os
-import signal
 import sys
 import textwrap
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TypeVar
 
 from omegaconf import OmegaConf
@@ -19,6 +15,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from hilbertvae.checks import InputError
+from hilbertvae.signals import stopped_by_signals
 
 T = TypeVar("T")
 
@@ -91,23 +88,6 @@ def _documents(kind: type) -> dict[str, str]:
     return found
 
 
-@contextmanager
-def stopped_by_sigterm() -> Iterator[None]:
-    """SIGTERM, which `timeout`, SLURM and containers send, ends what runs as Ctrl-C does: what was half-written is taken away."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(number, frame):
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
 def run_command(command: str, kind: type[T], about: str, run, words: list[str] | None) -> int:
     """Parse `words` (those of the command line unless given), call `run(settings)`, and give the exit code: 2 for bad input."""
     words = sys.argv[1:] if words is None else words
@@ -115,7 +95,7 @@ def run_command(command: str, kind: type[T], about: str, run, words: list[str] |
         if not words or {"-h", "--help"} & set(words):
             print(keyword_help(command, kind, about), flush=True)
             return 0 if words else 2
-        with stopped_by_sigterm():
+        with stopped_by_signals():
             run(settings_of(kind, words))
     except KeyboardInterrupt:
         print(f"{command}: stopped", file=sys.stderr)

@@ -14,8 +14,7 @@ from rich.text import Text
 
 from hilbertvae.checks import InputError
 from hilbertvae.commands.keywords import from_home, run_command
-from hilbertvae.exports.map_folder import SUMMARY
-from hilbertvae.mapping import MapSettings, make_map
+from hilbertvae.map_settings import MapSettings
 from hilbertvae.scans.formats import ReadingSettings
 
 ABOUT = (
@@ -33,6 +32,9 @@ def _alone(text: str) -> str:
 
 def run(settings: MapSettings) -> None:
     """Make the map, say what it came out as."""
+    from hilbertvae.exports.map_folder import SUMMARY  # late: whoever asks for help does not wait for torch
+    from hilbertvae.mapping import make_map
+
     settings = from_home(settings, "scans", "output", "weights")
     console = Console(stderr=True)
     warnings.showwarning = lambda message, *rest, **named: console.print(Text(_alone(str(message)), "yellow"), soft_wrap=True)

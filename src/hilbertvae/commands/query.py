@@ -10,10 +10,8 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_points
 from hilbertvae.commands.keywords import from_home, run_command
-from hilbertvae.exports.map_folder import MAP, is_of_a_map
 from hilbertvae.files import atomic
-from hilbertvae.mappers.saved_map import load_map
-from hilbertvae.mapping import FLAT_M
+from hilbertvae.map_settings import FLAT_M
 from hilbertvae.scans.point_files import read_points
 
 ABOUT = "Ask a map that hilbertvae-map wrote for p(occupied) at any points; one line of text per point."
@@ -34,6 +32,9 @@ class QuerySettings:
 
 def run(settings: QuerySettings) -> None:
     """Ask the map, and write the answers."""
+    from hilbertvae.exports.map_folder import MAP  # late: whoever asks for help does not wait for torch
+    from hilbertvae.mappers.saved_map import load_map
+
     settings = from_home(settings, "map", "points", "output")
     for key in ("map", "points"):
         if not getattr(settings, key):
@@ -70,6 +71,8 @@ def run(settings: QuerySettings) -> None:
 
 def _check_replaced(output: Path, points: Path, map_file: Path) -> None:
     """An `InputError` where answers would replace what is asked, or a file of a map."""
+    from hilbertvae.exports.map_folder import is_of_a_map
+
     if not output.exists():
         return
     for key, path in (("points", points), ("map", map_file)):

@@ -20,7 +20,6 @@ import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.commands.clustering_study import run_clustering, write_clustering_failure
 from hilbertvae.commands.gpus import give_gpus
-from hilbertvae.commands.keywords import stopped_by_sigterm
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSettings
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
@@ -28,6 +27,7 @@ from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reports.run_state import forget, is_finished, write_failure
 from hilbertvae.scans.sites import site_hashes
+from hilbertvae.signals import stopped_by_signals
 from hilbertvae.site import open_site, site_name
 from hilbertvae.training.settings import TRAINED, Settings, training_hash
 
@@ -186,7 +186,7 @@ def main() -> None:
     if JOB in os.environ and int(os.environ.get("LOCAL_RANK", 0)):
         words = json.loads(os.environ[JOB]) + [word for word in words if word.startswith(("hydra.job.name=", "hydra.output_subdir="))]
     sys.argv[1:] = words
-    with stopped_by_sigterm():  # else a launcher's workers, or a scoring's, would go on without it
+    with stopped_by_signals():  # else a launcher's workers, or a scoring's, would go on without it
         _application()
 
 

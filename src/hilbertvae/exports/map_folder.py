@@ -11,7 +11,8 @@ from pathlib import Path
 
 from hilbertvae.checks import InputError
 from hilbertvae.exports.formats import EXPORTS
-from hilbertvae.files import hash_of
+from hilbertvae.files import hash_of, write_json
+from hilbertvae.signals import not_stopped
 
 MAP, PICTURE, PAGE, SUMMARY = "map.safetensors", "map.png", "summary.html", "summary.json"
 OURS = {MAP, PICTURE, PAGE, *(name for kind in EXPORTS.values() for name in kind.files)}
@@ -68,6 +69,22 @@ def check_output(output: Path, scans: Path, exports: list[str], by_name: bool) -
         raise InputError(f"output: {output / name} was not left by an earlier map, and would be replaced; choose another folder")
     if by_name and earlier and _summary(output).get("scans_hash") not in (None, scans_hash(scans)):
         raise InputError(f"output: {output} has the map of other scans of that name, and would be replaced; choose a folder with output=")
+
+
+def replace_map(folder: Path, output: Path, files: list[str]) -> None:
+    """Move `files` and the summary from a folder to `output`, and take away what else an earlier map had left there.
+
+    Two maps in one folder would pass for one: what asks the process to stop meanwhile has to wait, and whoever ends it by force leaves a
+    summary that says `"unfinished": true`.
+    """
+    earlier = listed_files(output)
+    with not_stopped():
+        if earlier:
+            write_json(output / SUMMARY, {"files": sorted({*earlier, *files}), "unfinished": True})
+        for file in (*files, SUMMARY):
+            os.replace(folder / file, output / file)
+        for file in earlier - {*files, SUMMARY}:
+            (output / file).unlink(missing_ok=True)
 
 
 @contextmanager

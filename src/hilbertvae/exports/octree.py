@@ -39,7 +39,7 @@ def write_octree_map(cells: MapCells, path: str | os.PathLike) -> list[Path]:
         reach = f"OctoMap's files reach {ORIGIN * cells.resolution_m:,.0f} m from the origin"
         warnings.warn(f"{path.name}: {reach}; add ({metres}) m to its coordinates", stacklevel=2)
     with atomic(other) as observed, atomic(path) as whole:
-        write_octree(_octree(told, shift), whole)
+        write_octree(_octree(told, shift), whole, "observed" if told.observed.all() else "all")
         write_octree(_octree(told.select(told.observed), shift), observed)
     return [path, other]
 

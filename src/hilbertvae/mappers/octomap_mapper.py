@@ -6,6 +6,7 @@ It is fed labelled points, not rays, which would carve the gaps. In 2D the map i
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,8 @@ OCTREES = tuple(_TITLES)
 """How the names of OctoMap's files end."""
 _SHIFT = "# hilbertvae shift_voxels "
 """Begins the comment line of our files that says what their formats have no place for: `shift_`, one number per axis of the map."""
+_CELLS = "# hilbertvae cells "
+"""Begins the line that says which cells a file of ours has: `all`, also those that were predicted, or `observed`."""
 _LONGEST_HEADER = 1 << 16
 
 
@@ -134,10 +137,11 @@ def voxel_shift(points: np.ndarray, resolution_m: float) -> np.ndarray:
     return np.where((low < -ORIGIN) | (high >= ORIGIN), np.ceil(low / 2 + high / 2), 0.0)
 
 
-def write_octree(mapper: OctoMapMapper, path: str | os.PathLike) -> None:
+def write_octree(mapper: OctoMapMapper, path: str | os.PathLike, cells: str = "observed") -> None:
     """Write a fitted mapper as `path`, which OctoMap's tools read: `.ot` keeps its probabilities, `.bt` only free and occupied.
 
-    A comment line in the header keeps `shift_`, which also tells a map of two axes. Raises `InputError` for another ending, and for a
+    Comment lines in the header keep `shift_`, which also tells a map of two axes, and which `cells` there are: `observed`, or `all` if some
+    were predicted. Raises `InputError` for another ending, and for a
     `.bt` of one leaf all over the tree, which that format has no word for.
     """
     path = Path(path)
@@ -145,13 +149,13 @@ def write_octree(mapper: OctoMapMapper, path: str | os.PathLike) -> None:
     if path.suffix not in _TITLES:
         raise InputError(f"{path}: expected a name that ends in .ot or .bt")
     if path.suffix == ".ot":
-        content = _ot_bytes(mapper)
+        content = _ot_bytes(mapper, cells)
     else:
         tree = mapper.tree()
         stream = _split(tree.writeBinary())[1]
         if tree.size() == 1:
             raise InputError(f"{path}: expected a tree of more than one leaf, got one label everywhere")
-        content = _header(mapper, ".bt", tree.size()) + stream
+        content = _header(mapper, ".bt", tree.size(), cells) + stream
     with atomic(path) as temporary:
         temporary.write_bytes(content)
 
@@ -159,15 +163,21 @@ def write_octree(mapper: OctoMapMapper, path: str | os.PathLike) -> None:
 def read_octree(path: str | os.PathLike) -> OctoMapMapper:
     """The fitted mapper of an OctoMap file: `.ot`, or `.bt`, whose leaves get p = 0.1192 (free) and 0.971 (occupied).
 
-    A file that we did not write is a map of three axes. Raises `InputError` for one that is missing, damaged, or of another kind.
+    A file that we did not write is a map of three axes. Raises `InputError` for one that is missing, damaged, or of another kind; a
+    `UserWarning` says that cells were predicted, which all count as observed here.
     """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: expected an OctoMap file, found none")
     try:
-        return _mapper_of(path.read_bytes())
+        content = path.read_bytes()
+        mapper = _mapper_of(content)
     except (InputError, OSError) as error:
         raise InputError(f"{path}: {error}") from error
+    if f"{_CELLS}all" in _split(content)[0]:
+        seen = f"{path.stem}_observed{path.suffix}"
+        warnings.warn(f"{path}: was filled before, and what was predicted is now taken as seen; {seen} has what was", stacklevel=2)
+    return mapper
 
 
 def _mapper_of(content: bytes) -> OctoMapMapper:
@@ -193,15 +203,16 @@ def _mapper_of(content: bytes) -> OctoMapMapper:
     return mapper
 
 
-def _ot_bytes(mapper: OctoMapMapper) -> bytes:
+def _ot_bytes(mapper: OctoMapMapper, cells: str = "observed") -> bytes:
     stream, count = stream_of(mapper.leaves_)
-    return _header(mapper, ".ot", count) + stream
+    return _header(mapper, ".ot", count, cells) + stream
 
 
-def _header(mapper: OctoMapMapper, ending: str, count: int) -> bytes:
+def _header(mapper: OctoMapMapper, ending: str, count: int, cells: str) -> bytes:
     # repr, since OctoMap's own six digits of the resolution would move the far end of a map.
     shift = " ".join(f"{value:.0f}" for value in mapper.shift_)
-    return f"{_TITLES[ending]}\n{_SHIFT}{shift}\nid OcTree\nsize {count}\nres {float(mapper.resolution_)!r}\ndata\n".encode()
+    head = [_TITLES[ending], _SHIFT + shift, _CELLS + cells, "id OcTree", f"size {count}", f"res {float(mapper.resolution_)!r}", "data"]
+    return "\n".join([*head, ""]).encode()
 
 
 def _split(content: bytes) -> tuple[list[str], bytes]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, warn_if_rounded, within_range, without_zeros
 from hilbertvae.scans.e57 import read_e57
 from hilbertvae.scans.file_points import FilePoints, NoRows, check_reading
 from hilbertvae.scans.las import read_las
@@ -91,6 +91,7 @@ def read_point_file(
     lengths, unit = beam_lengths(points[order], origins[order]), UnitCheck()
     unit.see(lengths)
     unit.warn(path)
+    warn_if_rounded(points, path)
     kept = within_range(lengths, min_range_m, max_range_m) & (scan % every == 0)
     if not kept.any():
         raise InputError(
