@@ -33,7 +33,7 @@ class MapSettings(ReadingSettings):
     of what beams would hit. It fills in two to four times as much, and more of that is wrong (a street's gaps, by cells: recall 89 %
     for 43 %, precision 54 % for 88 %); of seen cells some more are occupied (4 % more in a street, 14 % in a building)."""
     exports: list[str] | None = None
-    """Which formats are written, as `exports=[ros,points]`, of ros, ot, bt, points, mesh, npz and rerun; all that suit the map and need no
+    """Which formats are written, as `exports=ros,points`, of ros, ot, bt, points, mesh, npz and rerun; all that suit the map and need no
     extra, unless given."""
     device: str = "cpu"
     """Where the network computes: `cpu`, or `cuda` where there is one."""

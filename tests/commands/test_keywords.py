@@ -7,7 +7,7 @@ from map_command_toys import npz_of
 
 from hilbertvae.commands import map as map_command
 from hilbertvae.commands import query as query_command
-from hilbertvae.commands.keywords import from_home
+from hilbertvae.commands.keywords import from_home, settings_of
 from hilbertvae.mapping import MapSettings
 from toy_rooms import tiny_reconstructor
 
@@ -54,3 +54,9 @@ def test_commands_know_the_user_s_folder(room, tmp_path, monkeypatch):
     assert query_command.main(["map=~/maps", "points=~/asked.csv", "output=~/said.csv"]) == 0
     assert len((home / "said.csv").read_text().splitlines()) == 4
     assert not list(work.iterdir())
+
+
+@pytest.mark.parametrize("typed", ["ros,points", "[ros,points]", "[ros, points]"])
+def test_a_list_of_words_needs_no_brackets(typed):
+    assert settings_of(MapSettings, [f"exports={typed}"]).exports == ["ros", "points"]
+    assert settings_of(MapSettings, ["exports=ros"]).exports == ["ros"] and settings_of(MapSettings, ["exports=null"]).exports is None

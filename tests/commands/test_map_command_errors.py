@@ -49,7 +49,7 @@ def test_3d_scans_without_poses_name_the_way_out(box, tmp_path, capsys):
         (["scans=room.npz", "weights=3d"], "3D"),
         (["scans=room.npz", "max_range_m=0.01"], "room.npz"),
         (["scans=broken.npz"], "broken.npz"),
-        (["scans=room.npz", "exports=[ros"], "exports: expected [word,word,...] | None, got '[ros'"),
+        (["scans=room.npz", "exports=[ros"], "exports: expected [word,word,...], got '[ros'"),
         (["scans=room.npz", "device=gpu"], "device: expected cpu"),
         (["scans=${HOME}.npz"], "${HOME}.npz"),
         (["scans=???"], "???"),

@@ -39,10 +39,13 @@ def settings_of(kind: type[T], words: list[str]) -> T:
         if types_of(kind)[key] in ("str", "str | None"):
             texts[key] = None if text == "null" else text  # as it was typed: a path may hold what YAML and OmegaConf read as their own
             continue
+        if types_of(kind)[key].startswith("list[str]") and text not in ("", "null") and not text.startswith("["):
+            texts[key] = text.split(",")
+            continue
         try:
             OmegaConf.update(schema, key, OmegaConf.from_dotlist([f"value={text}"])["value"])
         except (OmegaConfBaseException, YAMLError, ValueError) as error:
-            wanted = types_of(kind)[key].replace("list[str]", "[word,word,...]")
+            wanted = types_of(kind)[key].removesuffix(" | None").replace("list[str]", "[word,word,...]")
             raise InputError(f"{key}: expected {wanted}, got {text!r}") from error
     settings = OmegaConf.to_object(schema)
     for key, text in texts.items():

@@ -43,6 +43,7 @@ def draw_sign(rng: np.random.Generator) -> Soup:
 
 
 def draw_traffic_light(rng: np.random.Generator) -> Soup:
+    """A post with a head, some with a second one on an arm over the street."""
     height = rng.uniform(3.0, 3.8)
     parts = [
         tubes([[0, 0, -0.2]], [[0, 0, height]], 0.06, 0.06, 7),
@@ -55,6 +56,7 @@ def draw_traffic_light(rng: np.random.Generator) -> Soup:
 
 
 def draw_bollard(rng: np.random.Generator) -> Soup:
+    """A post, as high as a knee or a hip."""
     return tubes([[0, 0, -0.1]], [[0, 0, rng.uniform(0.6, 1.1)]], 0.06, 0.06, 7, caps=True)
 
 
@@ -78,6 +80,7 @@ def draw_box(rng: np.random.Generator) -> Soup:
 
 
 def draw_bench(rng: np.random.Generator) -> Soup:
+    """Two legs, a seat and a back."""
     length = rng.uniform(1.4, 2.0)
     legs = [[-0.4 * length, 0, -0.05], [0.4 * length, 0, -0.05]]
     back = np.array([[-length / 2, 0.25, 0.5], [length / 2, 0.25, 0.5], [length / 2, 0.33, 0.85], [-length / 2, 0.33, 0.85]])

@@ -27,6 +27,7 @@ class Thing:
     draped: bool = False
 
     def in_world(self, ground: Ground) -> Soup:
+        """Its triangles in metres of the world, standing on the ground, or laid over it if `draped`."""
         if not self.draped:
             return self.soup.moved(ground.place(self.s, self.t), self.angle_rad + ground.heading(self.s))
         local = self.soup.triangles
@@ -44,6 +45,7 @@ class Mover:
     step_m: float
 
     def at_scan(self, k: int) -> Thing:
+        """The thing where it is in scan `k`."""
         s, t = self.thing.s + k * self.step_m * np.cos(self.thing.angle_rad), self.thing.t + k * self.step_m * np.sin(self.thing.angle_rad)
         return Thing(self.thing.kind, self.thing.soup, float(s), float(t), self.thing.angle_rad, self.thing.draped)
 

@@ -36,6 +36,7 @@ DIFFERENCE_LEGEND = (
 
 
 def ablation_page(sweep: Sweep) -> Page:
+    """Tables and figure of an ablation: by site, a row per switch."""
     tables, shown = [], []
     for site, runs in sweep.by_site():
         default = {run.seed: run for run in runs if run.case == DEFAULT}

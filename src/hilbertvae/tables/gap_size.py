@@ -33,6 +33,7 @@ BEST = [
 
 
 def gap_size_page(sweep: Sweep) -> Page:
+    """Tables and figure of gap sizes: by site, a row per cluster size and gap."""
     tables, shown = [], []
     for site, runs in sweep.by_site():
         rows = case_rows(sweep, site, runs, SCORES, _row, _key)

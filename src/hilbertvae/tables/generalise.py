@@ -24,6 +24,7 @@ BASELINE_LEGEND = (
 
 
 def generalise_page(sweep: Sweep) -> Page:
+    """Tables and figure of sites left out: a row per site."""
     columns = [_columns(reading) for reading in ("points", "voxels")]
     groups = [case_rows(sweep, site, runs, columns[0], _row, lambda run: run.case) for site, runs in sweep.by_site()]
     rows = [row for found in groups for row in found]

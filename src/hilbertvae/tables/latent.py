@@ -25,6 +25,7 @@ MARKS = {"CVAE": (OURS, "o"), "CAE": (OTHERS[0], "s")}
 
 
 def latent_page(sweep: Sweep) -> Page:
+    """Tables and figure of latent dimensions: by site, a row per dimension, with sampling and without."""
     tables, shown = [], []
     for site, runs in sweep.by_site():
         rows = case_rows(sweep, site, runs, SCORES, _row, _key)

@@ -32,6 +32,7 @@ class Layout:
     same: tuple[str, ...] = ()
 
     def read(self, folder: Path, kind: str) -> Page:
+        """The page of the sweep in a folder; an `InputError` for runs that can't stand in one table."""
         sweep = read_sweep(folder, kind)
         check_alike(sweep, self.varies, self.same)
         page = self.page(sweep)
@@ -43,6 +44,7 @@ class StartsLayout:
     """Fig. 2 scores no map: its jobs leave another kind of file."""
 
     def read(self, folder: Path, kind: str) -> Page:
+        """The page of the study in a folder."""
         study = read_starts(folder, kind)
         return finished(starts_page(study), kind, study.size, study.troubles(), origin_notes(study.measured))
 

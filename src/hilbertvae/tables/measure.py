@@ -51,6 +51,7 @@ def per_seed(group: Group, mapper: str | None, reading: str, region: str, metric
 
 
 def is_network(mapper: str) -> bool:
+    """Whether a mapper of this name has a network."""
     return mapper.startswith(NETWORKS)
 
 

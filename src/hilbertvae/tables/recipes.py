@@ -27,6 +27,7 @@ SCORES = [measured(f"{title} (%)", key) for key, (*_, title) in METRICS.items()]
 
 
 def recipes_page(sweep: Sweep) -> Page:
+    """Tables and figure of recipes: by site, a row per case and mapper."""
     tables, shown = [], []
     for site, runs in sweep.by_site():
         rows = []

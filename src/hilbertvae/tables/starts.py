@@ -29,6 +29,7 @@ LEGEND = (
 
 
 def starts_page(study: Study) -> Page:
+    """Tables and figure of a study of starts: a row per start and number of clusters."""
     rows = start_rows(study.starts)
     last = max((len(start.potentials_m2) for start in study.starts), default=0)
     relative = [measured(str(step), f"relative_{step}", show=_ratio) for step in range(last)]

@@ -37,6 +37,7 @@ SECONDS = {"fit_s": "fit (s)", "query_s_per_million": "query (s per million)"}
 
 
 def tradeoff_page(sweep: Sweep) -> Page:
+    """Tables and figure of accuracy against speed: by site, a row per setting that was changed."""
     base = _base(sweep.scored)
     tables, shown = [], []
     for site, runs in sweep.by_site():

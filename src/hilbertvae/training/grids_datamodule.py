@@ -56,6 +56,7 @@ class GridsDataModule(L.LightningDataModule):
         build_all(sum(self._jobs(), []), self.settings)
 
     def setup(self, stage: str | None = None) -> None:
+        """Open the files of all grids, which are built first if they are not there."""
         if self.train_pairs is not None:
             return
         settings, (jobs, validation) = self.settings, self._jobs()

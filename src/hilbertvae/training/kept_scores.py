@@ -50,6 +50,7 @@ class KeptScores:
         }
 
     def path(self, mappers: dict[str, Mapper], seed: int) -> Path:
+        """Where the scores of these mappers with a gap seed are kept."""
         described = {name: _described(mapper) for name, mapper in mappers.items()}
         return self.folder / f"{hash_of({**self.made_of, 'mappers': described, 'seed': seed})}.json"
 
