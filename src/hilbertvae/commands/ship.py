@@ -11,6 +11,7 @@ from pathlib import Path
 from hilbertvae.checks import InputError
 from hilbertvae.files import atomic
 from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.reconstruction.mean_weights import mean_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
 from hilbertvae.reports.card import card_text
@@ -19,12 +20,15 @@ from hilbertvae.site import open_site
 from hilbertvae.training.settings import Settings
 
 
-def ship(checkpoint: str | Path, name: str, rotation: str | None = None, interpolated: bool = False) -> Path:
+def ship(checkpoint: str | Path, name: str, rotation: str | None = None, interpolated: bool = False, mean: bool = False) -> Path:
     """Pack the network of `checkpoint`, learn its map's weights with it as packed, and write it where `load_mapper(name)` looks.
 
     rotation: of the frames of its maps (`FrameSettings`), if they shall be others than those of its training. interpolated: whether they
-    are read between cells, whatever its training had."""
+    are read between cells, whatever its training had. mean: take the mean of its weights and those of the network that is shipped as
+    `name` now, from which it was trained on."""
     trained = Reconstructor.load(checkpoint)
+    if mean:
+        trained = mean_of(Reconstructor.load(name), trained)
     if rotation:
         trained = replace(trained, grid=replace(trained.grid, frame=replace(trained.grid.frame, rotation=rotation)))
     if interpolated:
@@ -55,12 +59,13 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--checkpoint", help="model.safetensors of a training, or a name; without it the card alone is written anew")
     parser.add_argument("--rotation", help="how boxes of its maps are turned (`grid.frame.rotation`), unless as in its training")
     parser.add_argument("--interpolated", action="store_true", help="its maps are read between cells (`grid.interpolated`)")
+    parser.add_argument("--mean", action="store_true", help="the mean of its weights and those of the network it was trained on from, NAME")
     parser.add_argument("--results", type=Path, nargs="*", default=[], help="result.json files that scored it, for its card")
     given = parser.parse_args(words)
     try:
         if given.checkpoint:
             print(f"{given.name}: its map's weights are learned on the validation site")
-            print(ship(given.checkpoint, given.name, given.rotation, given.interpolated))
+            print(ship(given.checkpoint, given.name, given.rotation, given.interpolated, given.mean))
         print(write_card(given.name, given.results))
     except (InputError, OSError) as error:
         print(f"hilbertvae-ship: {error}", file=sys.stderr)

@@ -68,9 +68,10 @@ def _trained(card: dict) -> list[str]:
     for number, stage in enumerate(stages(card)):
         command = f", by `{' '.join(stage['command'])}`" if "command" in stage else ""
         commit = f" at commit {stage['git']['commit'][:7]}" if stage.get("git") else ""
+        mean = " What comes out is the mean of these weights and those of the step before." if stage.get("mean_with_step_before") else ""
         said.append(
             f"{number + 1}. On {', '.join(stage['trained_on'])}, best weights by {stage['validated_on']}: epoch {stage['epoch']}, "
-            f"step {stage['steps']}, seed {stage['seed']}{command}{commit}."
+            f"step {stage['steps']}, seed {stage['seed']}{command}{commit}.{mean}"
         )
     return ["\n".join(said)]
 

@@ -1,0 +1,20 @@
+"""The mean of a network before and after a training: as good where the training gained, and better where it lost (model soups, Wortsman et
+al. 2022). Only for trainings that stayed in one valley, as those that go on from one another at a low rate do (docs/decisions.md)."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+
+from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.reconstructor import Reconstructor
+
+
+def mean_of(before: Reconstructor, after: Reconstructor) -> Reconstructor:
+    """`after` with the mean of its weights and those of `before`, and without map's weights, which were learned for others. Raises
+    `InputError` for networks that differ in more than weights."""
+    if before.network_settings != after.network_settings:
+        raise InputError(f"checkpoint: expected a network of {before.network_settings}, got {after.network_settings}")
+    network, old = copy.deepcopy(after.network), before.network.state_dict()
+    network.load_state_dict({key: (value + old[key]) / 2 for key, value in network.state_dict().items()})
+    return replace(after, network=network, weights={}, card={**after.card, "mean_with_step_before": True})
