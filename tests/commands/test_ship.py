@@ -92,3 +92,20 @@ def test_what_can_not_be_shipped(folder, tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["4d", "--checkpoint", str(tmp_path)])
     assert not folder.exists()
+
+
+def test_the_mean_of_a_network_and_what_was_made_of_it(folder, trained, tmp_path, capsys):
+    assert main(["2d", "--checkpoint", str(trained)]) == 0
+    before = Reconstructor.load("2d")
+    after = tiny_reconstructor(seed=4)
+    after.card = {**CARD, "started_from": before.card}
+    assert main(["2d", "--checkpoint", str(after.save(tmp_path / "after.safetensors")), "--mean"]) == 0
+    found, old, new = (network.network.state_dict() for network in (Reconstructor.load("2d"), before, after))
+    for key, value in found.items():
+        np.testing.assert_allclose(value, (old[key] + new[key]) / 2, atol=0.02 * float(new[key].abs().max() + old[key].abs().max()))
+    assert "2. On fr079, 2 simulated buildings" in (text := (folder / "2d.md").read_text())
+    assert text.count("the mean of these weights and those of the step before") == 1
+    other = tiny_reconstructor(latent=5)
+    other.card = CARD
+    assert main(["2d", "--checkpoint", str(other.save(tmp_path / "other.safetensors")), "--mean"]) == 2
+    assert "checkpoint: expected a network of (2, " in capsys.readouterr().err

@@ -13,8 +13,9 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 def mean_of(before: Reconstructor, after: Reconstructor) -> Reconstructor:
     """`after` with the mean of its weights and those of `before`, and without map's weights, which were learned for others. Raises
     `InputError` for networks that differ in more than weights."""
-    if before.network_settings != after.network_settings:
-        raise InputError(f"checkpoint: expected a network of {before.network_settings}, got {after.network_settings}")
+    kinds = [(network.dimension, network.grid.cells, network.network_settings) for network in (before, after)]
+    if kinds[0] != kinds[1]:
+        raise InputError(f"checkpoint: expected a network of {kinds[0]}, as the one before it, got {kinds[1]}")
     network, old = copy.deepcopy(after.network), before.network.state_dict()
     network.load_state_dict({key: (value + old[key]) / 2 for key, value in network.state_dict().items()})
     return replace(after, network=network, weights={}, card={**after.card, "mean_with_step_before": True})
