@@ -133,7 +133,9 @@ def score_lines() -> list[str]:
     ]
     for ours, theirs, site, others in SHOWN:
         mine, result = (read_result(ROOT / f"docs/results/shipped/{folder}/result.json")[0] for folder in (ours, theirs))
-        assert (mine.gaps, mine.protocol) == (result.gaps, result.protocol)
+        assert mine.protocol == result.protocol
+        for gaps, same in zip(mine.gaps, result.gaps, strict=True):  # on another processor, to rounding
+            np.testing.assert_allclose(gaps["centres"], same["centres"], rtol=0, atol=1e-9)
         result.scores.update(mine.scores)
 
         def cell(mapper, reading, region, metric, result=result):
