@@ -7,6 +7,15 @@ import pytest
 from hilbertvae.signals import STOPS, not_stopped, stopped_by_signals
 
 
+@pytest.fixture(autouse=True)
+def nothing_ignored():
+    """A suite that was started by `nohup` ignores closed terminals itself."""
+    before = {number: signal.signal(number, signal.SIG_DFL) for number in STOPS}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
 @pytest.mark.parametrize("number", STOPS)
 def test_what_asks_to_stop_ends_a_command_as_ctrl_c_does(number):
     before = signal.getsignal(number)

@@ -289,7 +289,7 @@ def test_one_return_in_space_and_fine_cells(tmp_path):
 def test_help_names_every_key(capsys):
     assert map_command.main(["--help"]) == 0
     said = capsys.readouterr().out
-    expected = {"fill=on": "observed map alone", "every=1": "exports=[ros,points]", "poses=null": "kiss_icp", "max_range_m=null": "Metres"}
+    expected = {"fill=on": "observed map alone", "every=1": "exports=ros,points", "poses=null": "kiss_icp", "max_range_m=null": "Metres"}
     for key, text in expected.items():
         assert key in said and text in said
 

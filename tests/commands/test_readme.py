@@ -32,8 +32,8 @@ SHOWN = (
     ("2d", "2d", "Intel (2D)", ("cvae-hm-adapted", "hm", "gpom", "octomap", "nearest-15")),
     ("3d", "3d-before", "kitti_drive0005 (3D)", ("hm", "hm-points", "lard-hm", "octomap", "nearest-15")),
 )
-"""Folders of `docs/results/shipped` with our scores and, in the same gaps, with all others', how the README calls their site, and the mappers
-that it shows beside ours and the paper's."""
+"""Folders of `docs/results/shipped` with our scores and, in the same gaps, with all others', how the README calls their site, and which
+mappers it shows beside ours and the paper's."""
 NAMES = {
     "cvae-hm": "**hilbertvae**", "cvae-hm-adapted": "**hilbertvae**, `adapt_steps=100`", "hm": "Hilbert Map (fixed grid)",
     "hm-points": "the same, for the cut", "gpom": "GPOM", "lard-hm": "LARD-HM",
