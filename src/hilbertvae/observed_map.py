@@ -122,6 +122,12 @@ def ros_map_lattice(path: str | os.PathLike) -> tuple[float, tuple[float, float,
     return header.resolution_m, header.origin
 
 
+def warn_of_filled(path: Path) -> None:
+    """A `UserWarning` for a map of ours with predicted cells, where nothing tells these from observed ones once it is read."""
+    seen = f"{path.stem}_observed{path.suffix}"
+    warnings.warn(f"{path}: was filled before, and what was predicted is now taken as seen; {seen} has what was", stacklevel=3)
+
+
 def _header(path: Path) -> _Header:
     with reading(path, "a map_server YAML file"):
         if path.stat().st_size > MOST_YAML_BYTES:
@@ -130,8 +136,7 @@ def _header(path: Path) -> _Header:
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected keys as image and resolution, got {type(content).__name__}")
     if content.get("hilbertvae_cells") == "all":
-        seen = f"{path.stem}_observed{path.suffix}"
-        warnings.warn(f"{path}: was filled before, and what was predicted is now taken as seen; {seen} has what was", stacklevel=3)
+        warn_of_filled(path)
     missing = [key for key in ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh") if content.get(key) is None]
     if missing:
         raise InputError(f"{path}: expected the key{'s' * (len(missing) > 1)} {', '.join(missing)} of a map_server map")

@@ -27,8 +27,7 @@ def stopped_by_signals() -> Iterator[None]:
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        _restore(before)
 
 
 @contextmanager
@@ -42,7 +41,11 @@ def not_stopped() -> Iterator[None]:
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        _restore(before)
         for number in dict.fromkeys(came):
             signal.raise_signal(number)
+
+
+def _restore(before: dict) -> None:
+    for number, handler in before.items():  # None: one that Python did not set, and can't set again
+        signal.signal(number, signal.SIG_DFL if handler is None else handler)

@@ -56,7 +56,7 @@ def test_commands_know_the_user_s_folder(room, tmp_path, monkeypatch):
     assert not list(work.iterdir())
 
 
-@pytest.mark.parametrize("typed", ["ros,points", "[ros,points]", "[ros, points]"])
+@pytest.mark.parametrize("typed", ["ros,points", "ros, points", "[ros,points]", "[ros, points]"])
 def test_a_list_of_words_needs_no_brackets(typed):
     assert settings_of(MapSettings, [f"exports={typed}"]).exports == ["ros", "points"]
     assert settings_of(MapSettings, ["exports=ros"]).exports == ["ros"] and settings_of(MapSettings, ["exports=null"]).exports is None

@@ -40,7 +40,7 @@ def settings_of(kind: type[T], words: list[str]) -> T:
             texts[key] = None if text == "null" else text  # as it was typed: a path may hold what YAML and OmegaConf read as their own
             continue
         if types_of(kind)[key].startswith("list[str]") and text not in ("", "null") and not text.startswith("["):
-            texts[key] = text.split(",")
+            texts[key] = [part.strip() for part in text.split(",")]
             continue
         try:
             OmegaConf.update(schema, key, OmegaConf.from_dotlist([f"value={text}"])["value"])

@@ -79,8 +79,7 @@ def replace_map(folder: Path, output: Path, files: list[str]) -> None:
     """
     earlier = listed_files(output)
     with not_stopped():
-        if earlier:
-            write_json(output / SUMMARY, {"files": sorted({*earlier, *files}), "unfinished": True})
+        write_json(output / SUMMARY, {"files": sorted({*earlier, *files}), "unfinished": True})
         for file in (*files, SUMMARY):
             os.replace(folder / file, output / file)
         for file in earlier - {*files, SUMMARY}:

@@ -6,7 +6,6 @@ It is fed labelled points, not rays, which would carve the gaps. In 2D the map i
 from __future__ import annotations
 
 import os
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from hilbertvae.cloud import RESOLUTION_M
 from hilbertvae.files import atomic
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.octree import NONE, SIDE, leaves_of_labels, leaves_of_values, morton, stream_of
+from hilbertvae.observed_map import warn_of_filled
 
 ORIGIN = SIDE // 2
 """The key of the voxel whose lower corner is the map's origin."""
@@ -175,8 +175,7 @@ def read_octree(path: str | os.PathLike) -> OctoMapMapper:
     except (InputError, OSError) as error:
         raise InputError(f"{path}: {error}") from error
     if f"{_CELLS}all" in _split(content)[0]:
-        seen = f"{path.stem}_observed{path.suffix}"
-        warnings.warn(f"{path}: was filled before, and what was predicted is now taken as seen; {seen} has what was", stacklevel=2)
+        warn_of_filled(path)
     return mapper
 
 
