@@ -86,6 +86,17 @@ def test_what_learned_from_simulated_sites_alone_is_free(folder, tmp_path):
     assert "nobody's scans are in it" in (folder / "2d-sim.md").read_text()
 
 
+def test_weights_of_a_map_may_be_learned_on_several_sites(folder, trained, monkeypatch, room, capsys):
+    opened = []
+    monkeypatch.setattr(ship, "open_site", lambda reference, *where: (opened.append(reference), room)[1])
+    assert main(["2d", "--checkpoint", str(trained), "--calibrate", "csail", "simulated:900001"]) == 0
+    assert opened == ["csail", "simulated:900001"] == Reconstructor.load("2d").card["calibrated_on"]
+    assert "The Hilbert Map's weights were learned on csail, simulated:900001, over" in (folder / "2d.md").read_text()
+    assert main(["2d", "--checkpoint", "2d"]) == 0 and opened[2:] == opened[:2]  # as its card says
+    assert main(["2d", "--checkpoint", str(trained), "--calibrate", "aces"]) == 2
+    assert "--calibrate: aces is among what the network was trained on" in capsys.readouterr().err
+
+
 def test_what_can_not_be_shipped(folder, tmp_path, capsys):
     assert main(["2d", "--checkpoint", str(tmp_path / "gone.safetensors")]) == 2
     assert "gone.safetensors: no such checkpoint" in capsys.readouterr().err

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,7 +27,7 @@ class Recorder(HilbertMap):
 @pytest.fixture(scope="module")
 def learning(place):
     mapper = Recorder(tiny_reconstructor(place.dimension))
-    return mapper, learn_rank_weights(mapper, place, 1.2, [100, 101], occlusion=False), place
+    return mapper, learn_rank_weights(mapper, [place], 1.2, [100, 101], occlusion=False), place
 
 
 def test_both_readings_are_learned(learning):
@@ -63,7 +65,7 @@ def test_occupied_points_count_for_more(learning):
     """Alone of the two readings, points are for the cuts: the odds of what is not seen rise, by as much as an occupied query counts for."""
     _, learned, place = learning
     mapper = HilbertMap(tiny_reconstructor(place.dimension))
-    as_shares = learn_rank_weights(mapper, place, 1.2, [100, 101], occlusion=False, occupied_weight=1.0)
+    as_shares = learn_rank_weights(mapper, [place], 1.2, [100, 101], occlusion=False, occupied_weight=1.0)
     assert as_shares["voxels"] == learned["voxels"]
     rise = learned["points"]["unseen"][-1] - as_shares["points"]["unseen"][-1]
     assert np.log(1.5) < rise < np.log(3)
@@ -85,17 +87,34 @@ def test_what_was_learned_is_better_than_unit_weights(learning, reading):
     assert nll(RankWeights.from_plain(learned[reading])) < nll(unit_weights(mapper.neighbours, mapper.evidence_.feature_count)) - 0.01
 
 
+def test_several_sites_teach_one_set_of_weights(place, monkeypatch):
+    """From all that was asked of any of them."""
+    asked = []
+    fit = calibration.fit_rank_weights
+    monkeypatch.setattr(calibration, "fit_rank_weights", lambda *inputs: (asked.append(inputs), fit(*inputs))[1])
+    other = replace(place, scans=place.scans.select(np.arange(len(place.scans.points)) % 3 > 0))
+    mapper = HilbertMap(tiny_reconstructor(place.dimension))
+    for sites in ([place], [other], [place, other]):
+        learn_rank_weights(mapper, sites, 1.2, [100])
+    for one, two, both in zip(asked[:2], asked[2:4], asked[4:], strict=True):  # points, voxels
+        # What gaps ask of either comes first, then what is occluded: sorted, since order is of no account.
+        for first, second, found in zip(one[:-1], two[:-1], both[:-1], strict=True):
+            together = np.concatenate([first, second])
+            np.testing.assert_array_equal(np.sort(found, axis=0), np.sort(together, axis=0))
+        assert one[-1] == both[-1]
+
+
 def test_large_sites_are_thinned(room, monkeypatch):
     monkeypatch.setattr(calibration, "MOST_QUERIES", 400)
     mapper = Recorder(tiny_reconstructor())
-    assert set(learn_rank_weights(mapper, room, 1.2, [100, 101], occlusion=False)) == {"points", "voxels"}
+    assert set(learn_rank_weights(mapper, [room], 1.2, [100, 101], occlusion=False)) == {"points", "voxels"}
     assert [len(queries) for queries in mapper.asked] == [200] * 4
 
 
 def test_what_scans_that_were_left_out_saw_teaches_voxels_too(place, learning):
     """Each part that is kept is shown once, without held-out beams, and asked for what the others saw beyond it."""
     mapper = Recorder(tiny_reconstructor(place.dimension))
-    learned = learn_rank_weights(mapper, place, 1.2, [100, 101])
+    learned = learn_rank_weights(mapper, [place], 1.2, [100, 101])
     expected = [
         occlusion_case(place, region, kept)
         for seed in (100, 101)

@@ -132,6 +132,11 @@ class TestWeightsLearnedAnew:
         other = replace(settings, data=replace(settings.data, validate="simulated:900003"))
         with pytest.warns(UserWarning, match="data.validate: weights are learned anew on simulated:900003, the network's own were"):
             self.scored(other, path, neighbours=1)
+        other = replace(settings, data=replace(settings.data, calibrate=["simulated:900003", "simulated:900004"]))
+        with pytest.warns(
+            UserWarning, match="data.calibrate: weights are learned anew on simulated:900003, simulated:900004, the network's"
+        ):
+            self.scored(other, path, neighbours=1)
 
     def test_grids_farther_apart_are_fewer_and_weighed_on_their_own(self, first):
         farther = first[0].grid.cluster_diameter_m / 2

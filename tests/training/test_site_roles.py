@@ -62,8 +62,9 @@ def test_a_training_that_goes_on_asks_the_network_it_starts_from(tmp_path):
     network.save(tmp_path / "first.safetensors")
     settings = tiny_settings(tmp_path / "run", tmp_path / "cache")
     settings = replace(settings, trainer=replace(settings.trainer, initial=str(tmp_path / "first.safetensors")))
-    with pytest.raises(InputError, match="data.validate: aces is among what trainer.initial was trained on"):
-        train(replace(settings, data=replace(settings.data, validate="aces")))
+    for data in ({"validate": "aces"}, {"calibrate": ["aces"]}):
+        with pytest.raises(InputError, match=f"data.{next(iter(data))}: aces is among what trainer.initial was trained on"):
+            train(replace(settings, data=replace(settings.data, **data)))
     assert not (tmp_path / "run").exists()
 
 
@@ -73,4 +74,14 @@ def test_a_test_site_is_nothing_else(site):
     for key, parts in (("data.train", (["fr079", site], "csail", [])), ("data.validate", (["fr079"], site, []))):
         with pytest.raises(InputError, match=f"{key}: {site} is for tests alone"):
             check_roles(*parts)
+    with pytest.raises(InputError, match=f"data.calibrate: {site} is for tests alone"):
+        check_roles(["fr079"], "csail", [], [site])
     check_roles(["fr079"], "csail", [site, "aces"])
+
+
+def test_what_weights_are_learned_on_is_neither_trained_nor_scored_on():
+    check_roles(["fr079"], "csail", ["intel"], ["csail", "fr101"])
+    with pytest.raises(InputError, match="data.calibrate: 'fr079' is also trained on"):
+        check_roles(["fr079"], "csail", [], ["fr079"])
+    with pytest.raises(InputError, match="data.test: aces is also trained or validated on"):
+        check_roles(["fr079"], "csail", ["aces"], ["aces"])

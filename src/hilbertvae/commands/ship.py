@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,18 +15,26 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.reconstruction.mean_weights import mean_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
-from hilbertvae.reports.card import card_text
+from hilbertvae.reports.card import calibrated_on, card_text
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.site import open_site
 from hilbertvae.training.settings import Settings
+from hilbertvae.training.site_roles import check_unseen
 
 
-def ship(checkpoint: str | Path, name: str, rotation: str | None = None, interpolated: bool = False, mean: bool = False) -> Path:
+def ship(
+    checkpoint: str | Path,
+    name: str,
+    rotation: str | None = None,
+    interpolated: bool = False,
+    mean: bool = False,
+    calibrate: Sequence[str] = (),
+) -> Path:
     """Pack the network of `checkpoint`, learn its map's weights with it as packed, and write it where `load_mapper(name)` looks.
 
     rotation: of the frames of its maps (`FrameSettings`), if they shall be others than those of its training. interpolated: whether they
     are read between cells, whatever its training had. mean: take the mean of its weights and those of the network that is shipped as
-    `name` now, from which it was trained on."""
+    `name` now, from which it was trained on. calibrate: the sites that the map's weights are learned on, if not those of its training."""
     trained = Reconstructor.load(checkpoint)
     if mean:
         trained = mean_of(Reconstructor.load(name), trained)
@@ -36,10 +45,12 @@ def ship(checkpoint: str | Path, name: str, rotation: str | None = None, interpo
     defaults = Settings(dimension=trained.dimension)
     with tempfile.TemporaryDirectory() as folder:
         packed = Reconstructor.load(replace(trained, weights={}).save(Path(folder) / "packed.safetensors", packed=True))
-    site = open_site(trained.card["validated_on"], trained.resolution_m, defaults.source())
+    references = list(calibrate) or calibrated_on(trained.card)
+    check_unseen(references, trained.card, "--calibrate", "the network")
+    sites = [open_site(reference, trained.resolution_m, defaults.source()) for reference in references]
     mapper = HilbertMap(packed)
-    packed.weights = learn_rank_weights(mapper, site, **defaults.calibration())
-    packed.card = {**trained.card, "flips": mapper.flips_}
+    packed.weights = learn_rank_weights(mapper, sites, **defaults.calibration())
+    packed.card = {**trained.card, "flips": mapper.flips_, "calibrated_on": references}
     return packed.save(checkpoint_path(name), packed=True)
 
 
@@ -60,12 +71,13 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--rotation", help="how boxes of its maps are turned (`grid.frame.rotation`), unless as in its training")
     parser.add_argument("--interpolated", action="store_true", help="its maps are read between cells (`grid.interpolated`)")
     parser.add_argument("--mean", action="store_true", help="the mean of its weights and those of the network it was trained on from, NAME")
+    parser.add_argument("--calibrate", nargs="+", default=[], help="sites that its map's weights are learned on, if not as in its training")
     parser.add_argument("--results", type=Path, nargs="*", default=[], help="result.json files that scored it, for its card")
     given = parser.parse_args(words)
     try:
         if given.checkpoint:
-            print(f"{given.name}: its map's weights are learned on the validation site")
-            print(ship(given.checkpoint, given.name, given.rotation, given.interpolated, given.mean))
+            print(f"{given.name}: its map's weights are learned")
+            print(ship(given.checkpoint, given.name, given.rotation, given.interpolated, given.mean, given.calibrate))
         print(write_card(given.name, given.results))
     except (InputError, OSError) as error:
         print(f"hilbertvae-ship: {error}", file=sys.stderr)

@@ -100,7 +100,8 @@ def run(settings: Settings, again: bool = True) -> int:
     from hilbertvae.training.scoring import needs_training, score
 
     mappers = build_mappers(settings.mapper)
-    sites = {**dict.fromkeys(data.train, "train"), data.validate: "validate", **dict.fromkeys(data.test, "test")}
+    learned = {**dict.fromkeys(data.train, "train"), **dict.fromkeys(data.calibrate, "calibrate"), data.validate: "validate"}
+    sites = learned | dict.fromkeys(data.test, "test")
     training = settings.checkpoint is None and (not mappers or needs_training(mappers))
     for reference in sites if training else data.test:
         settings.source().check(reference)

@@ -50,7 +50,8 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         f"sha256 `{file_sha256(weights)}`. Grids of {network.grid.cells}^{network.dimension} cells of {network.grid.cell_m:g} m.",
         "## Trained",
         *_trained(card),
-        f"The Hilbert Map's weights were learned on {card['validated_on']}, over {card['flips']} flip{'s' if card['flips'] > 1 else ''}"
+        f"The Hilbert Map's weights were learned on {', '.join(calibrated_on(card))}, "
+        + f"over {card['flips']} flip{'s' if card['flips'] > 1 else ''}"
         + (f", in frames turned as `{turned}`" if (turned := network.grid.frame.rotation) != "none" else "")
         + (", read between cells." if network.grid.interpolated else "."),
         "## Scores",
@@ -82,6 +83,11 @@ def stages(card: dict) -> list[dict]:
     return [*(stages(before) if before else []), card]
 
 
+def calibrated_on(card: dict) -> list[str]:
+    """The sites that its map's weights were learned on: that of the best weights where the card is older than the choice."""
+    return card.get("calibrated_on") or [card[key] for key in ("validated_on",) if key in card]
+
+
 def _scores(results: list[Result]) -> str:
     rows = []
     for result in results:
@@ -110,7 +116,9 @@ def _made(results: list[Path]) -> str:
 
 
 def _terms(card: dict) -> str:
-    sites = sorted({site for stage in stages(card) for site in (*stage["trained_on"], stage["validated_on"]) if " " not in site})
+    sites = sorted(
+        {site for stage in stages(card) for site in (*stage["trained_on"], stage["validated_on"], *calibrated_on(stage)) if " " not in site}
+    )
     real = [site for site in sites if not site.startswith("simulated")]
     if not real:
         return "Trained and chosen on simulated sites alone: nobody's scans are in it. MIT, as the package."

@@ -1,8 +1,11 @@
-"""The `rank` weights of the Hilbert Map, learned on the validation site, which the network has not been trained on (METHOD 5)."""
+"""The `rank` weights of the Hilbert Map, learned on sites that the network has not been trained on (METHOD 5)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -20,27 +23,27 @@ LEARNING = "Learning the map's weights"
 
 def learn_rank_weights(
     mapper: HilbertMap,
-    site: Site,
+    sites: Sequence[Site],
     gap_diameter_m: float,
     seeds: list[int],
     occlusion: bool = True,
     occupied_weight: float = OCCUPIED_WEIGHT,
 ) -> dict[str, dict]:
-    """Plain rank weights by reading (`points`, `voxels`), from inputs with parts hidden, and what was hidden.
+    """Plain rank weights by reading (`points`, `voxels`), from inputs of all `sites` with parts hidden, and what was hidden.
 
     Hidden are gaps and held-out beams, and for `voxels` also what scans that were left out saw (`occlusion`): a map that is sure in
     gaps alone would be as sure behind things. One network serves both readings; only these weights differ: a probability is
     calibrated for the cells it was fitted on, the cuts for the points, of which an occupied one counts for `occupied_weight`.
     """
     gathered: dict[str, list] = {"points": [], "voxels": []}
-    most = MOST_QUERIES // len(seeds)
+    most = MOST_QUERIES // (len(seeds) * len(sites))
 
     def gather(reading: str, cloud: Cloud, asked: np.ndarray, seed: int) -> None:
         if len(asked) > most:
             asked = np.random.default_rng(seed).choice(asked, most, replace=False)
         gathered[reading].append((*mapper.features(cloud.points[asked]), cloud.occupied[asked]))
 
-    for seed in track(seeds, f"{LEARNING} from gaps", transient=True):
+    for site, seed in track(list(product(sites, seeds)), f"{LEARNING} from gaps", transient=True):
         gaps = random_gaps(site.fit, gap_diameter_m, site.resolution_m, seed)
         _show(mapper, gaps.cut(site.fit), seed)
         for reading, cloud, held_out in (
@@ -49,9 +52,10 @@ def learn_rank_weights(
         ):
             part = gaps.part(cloud.points)
             gather(reading, cloud, np.flatnonzero((part != RIM) & (held_out | (part != OUTSIDE))), seed)
-    parts = {kept.tobytes(): (region, kept, seed) for seed in seeds for region, kept in occluded_parts(site.scans, seed).items()}
-    for region, kept, seed in track(list(parts.values()) if occlusion else [], f"{LEARNING} from what is occluded", transient=True):
-        case = site.remember((region, kept.tobytes()), lambda region=region, kept=kept: occlusion_case(site, region, kept))
+    for site, region, kept, seed in track(
+        _occlusions(sites, seeds) if occlusion else [], f"{LEARNING} from what is occluded", transient=True
+    ):
+        case = site.remember((region, kept.tobytes()), partial(occlusion_case, site, region, kept))
         asked = case.asked["voxels"]
         if len(asked.points) and case.shown.occupied.any():
             _show(mapper, case.shown, seed)
@@ -63,6 +67,16 @@ def learn_rank_weights(
     # Gaps leave no place without a box, so only what is occluded tells what is beyond them.
     learned["points"] = replace(learned["points"], beyond=learned["voxels"].beyond)
     return {name: weights.plain() for name, weights in learned.items()}
+
+
+def _occlusions(sites: Sequence[Site], seeds: list[int]) -> list[tuple]:
+    """(site, region, scans that are kept, seed): each choice of scans once, however many seeds make it."""
+    found = {}
+    for number, site in enumerate(sites):
+        for seed in seeds:
+            for region, kept in occluded_parts(site.scans, seed).items():
+                found[number, kept.tobytes()] = (site, region, kept, seed)
+    return list(found.values())
 
 
 def _show(mapper: HilbertMap, shown: Cloud, seed: int) -> None:

@@ -54,6 +54,7 @@ def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) 
     card = {
         "trained_on": [*settings.data.train, f"{settings.data.simulated} simulated {kind}"],
         "validated_on": settings.data.validate,
+        "calibrated_on": settings.calibration_sites(),
         "epoch": saved["epoch"],
         "steps": saved["global_step"],
         "seed": settings.seed,

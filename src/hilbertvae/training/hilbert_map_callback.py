@@ -45,9 +45,9 @@ class HilbertMapCallback(L.Callback):
             return
         settings = self.settings
         reconstructor = best_reconstructor(settings, module.network, trainer.checkpoint_callback.best_model_path)
-        site = opened_site(settings.data.validate, settings)
+        sites = [opened_site(reference, settings) for reference in settings.calibration_sites()]
         mapper = HilbertMap(reconstructor, flips=settings.flips, device=filling_device(settings))
-        learned = learn_rank_weights(mapper, site, **settings.calibration())
+        learned = learn_rank_weights(mapper, sites, **settings.calibration())
         self._lap("weights")
         reconstructor.weights, reconstructor.seconds = learned, self.seconds
         reconstructor.save(self.checkpoint)

@@ -14,6 +14,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reports.card import calibrated_on
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.protocol import alike, evaluate_all
 from hilbertvae.scoring.result import Result
@@ -76,23 +77,23 @@ def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
         chosen = {name: getattr(mapper, name) for name in ("neighbours", "inner_radius_m", "flips", "device")}
         key = (id(network), *chosen.values())
         if key not in learned:
-            _check_calibration_site(settings.data.validate, network.card)
+            _check_calibration_sites(settings, network.card)
             anew = HilbertMap(replace(network, weights={}), **chosen)
-            site = opened_site(settings.data.validate, settings)
-            weights = learn_rank_weights(anew, site, **settings.calibration())
+            sites = [opened_site(reference, settings) for reference in settings.calibration_sites()]
+            weights = learn_rank_weights(anew, sites, **settings.calibration())
             learned[key] = replace(network, weights=weights)
         mapper.set_params(reconstructor=learned[key])
 
 
-def _check_calibration_site(site: str, card: dict) -> None:
-    """An `InputError` for a site that the network was trained on, where it is surer than elsewhere (METHOD 5); a warning for one on which
-    its other weights were not learned, since rows of both kinds compare sites, too."""
-    check_unseen([site], card, "data.validate", "the network whose weights are learned anew")
-    before = card.get("validated_on", site)
-    if place(before) != place(site):
-        text = (
-            f"data.validate: weights are learned anew on {site}, the network's own were learned on {before}; results of both differ by that"
-        )
+def _check_calibration_sites(settings: Settings, card: dict) -> None:
+    """An `InputError` for sites that the network was trained on, where it is surer than elsewhere (METHOD 5); a warning for others than
+    those on which its own weights were learned, since rows of both kinds compare sites, too."""
+    key, sites = "data.calibrate" if settings.data.calibrate else "data.validate", settings.calibration_sites()
+    check_unseen(sites, card, key, "the network whose weights are learned anew")
+    before = calibrated_on(card) or sites
+    if {*map(place, before)} != {*map(place, sites)}:
+        now, then = (", ".join(some) for some in (sites, before))
+        text = f"{key}: weights are learned anew on {now}, the network's own were learned on {then}; results of both differ by that"
         warnings.warn(text, stacklevel=2)
 
 

@@ -42,6 +42,8 @@ class DataSettings:
 
     train: list[str] = field(default_factory=list)
     validate: str = "simulated:900001"
+    calibrate: list[str] = field(default_factory=list)
+    """What the Hilbert Map's weights are learned on, if not on the site of `validate`: one building's need not be another's."""
     test: list[str] = field(default_factory=lambda: ["simulated:900002"])
     simulated: int = 0
     """Simulated buildings, in 3D streets, to train on, beside the sites of `train`; seeds 0, 1, ..."""
@@ -162,6 +164,10 @@ class Settings:
         """References of the simulated sites that are trained on."""
         return [f"{SIMULATED}{number}" for number in range(self.data.simulated)]
 
+    def calibration_sites(self) -> list[str]:
+        """References of the sites that the Hilbert Map's weights are learned on."""
+        return self.data.calibrate or [self.data.validate]
+
     def calibration(self) -> dict[str, Any]:
         """How `learn_rank_weights` is to learn."""
         return {
@@ -189,7 +195,7 @@ class Settings:
             raise InputError(f"data.simulated_extent_m: expected two lengths from 6 on, the shorter first, got {extent}")
         if self.trainer.precision not in PRECISIONS:
             raise InputError(f"trainer.precision: expected one of {', '.join(PRECISIONS)}, got {self.trainer.precision!r}")
-        check_roles([*self.data.train, *self.simulated_sites()], self.data.validate, self.data.test)
+        check_roles([*self.data.train, *self.simulated_sites()], self.data.validate, self.data.test, self.data.calibrate)
         if self.trainer.initial and not Path(self.trainer.initial).is_file():
             raise InputError(f"trainer.initial: expected a model.safetensors, got {self.trainer.initial}, which is not there")
         if self.trainer.optimizer not in OPTIMIZERS:
@@ -221,7 +227,11 @@ def training_hash(settings: Settings) -> str:
     """The hash of what can change a trained network: not of paths, devices, or what is scored afterwards."""
     made_of = asdict(settings)
     source = settings.source()
-    paths = [site for site in (*settings.data.train, settings.data.validate) if is_scan_path(site) and Path(site).exists()]
+    paths = [
+        site
+        for site in (*settings.data.train, settings.data.validate, *settings.data.calibrate)
+        if is_scan_path(site) and Path(site).exists()
+    ]
     if settings.trainer.initial:
         made_of["trainer"]["initial"] = path_sha256(settings.trainer.initial)
     made_of["contents"] = [source.made_of(site) for site in paths]  # the same path may hold other scans when a run goes on

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,17 +21,20 @@ LARGEST_BYTES = 500_000_000
 """No site of the catalogue is as large, and to read what is would take long."""
 
 
-def check_roles(train: list[str], validate: str, test: list[str]) -> None:
-    """An `InputError` that names the key if a site plays two parts, if one of the catalogue's test sites is trained or validated on, or if
-    results of two would lie in one folder."""
+def check_roles(train: list[str], validate: str, test: list[str], calibrate: Sequence[str] = ()) -> None:
+    """An `InputError` that names the key if a site plays two parts, if one of the catalogue's test sites is learned from in any way, or if
+    results of two would lie in one folder. The site of `validate` may be among those of `calibrate`: neither is trained on."""
     trained = {place(site) for site in train}
-    for key, sites in (("data.train", train), ("data.validate", [validate])):
+    for key, sites in (("data.train", train), ("data.validate", [validate]), ("data.calibrate", calibrate)):
         scored = [site for site in sites if (entry := CATALOGUE.get(place(site))) and entry.role == "test"]
         if scored:
             raise InputError(f"{key}: {', '.join(scored)} is for tests alone, expected a site that results are not compared on")
-    if place(validate) in trained:
-        raise InputError(f"data.validate: {validate!r} is also trained on")
-    both = [site for site in test if place(site) in {*trained, place(validate)}]
+    for key, sites in (("data.validate", [validate]), ("data.calibrate", calibrate)):
+        for site in sites:
+            if place(site) in trained:
+                raise InputError(f"{key}: {site!r} is also trained on")
+    known = {*trained, *map(place, [validate, *calibrate])}
+    both = [site for site in test if place(site) in known]
     if both:
         raise InputError(f"data.test: {', '.join(both)} is also trained or validated on")
     names = [site_name(site) for site in test]

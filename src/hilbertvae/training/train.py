@@ -46,7 +46,7 @@ def kept_name(settings: Settings) -> str:
 
 
 def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: Writer | None = None) -> Path:
-    """Train a network, learn its Hilbert Map's weights on the validation site, and return the path of `model.safetensors`.
+    """Train a network, learn its Hilbert Map's weights on sites it has not seen, and return the path of `model.safetensors`.
 
     mappers: by name, what is scored on the test sites afterwards; `write(result, site, fitted)` is handed each `Result`. A run that
     was interrupted goes on from its last epoch, if its settings are the same; one whose network is kept in `settings.trained` takes
@@ -56,8 +56,8 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     output = Path(settings.output)
     use_threads(settings)
     if settings.trainer.initial:
-        card = Reconstructor.load(settings.trainer.initial).card
-        for key, sites in (("data.validate", [settings.data.validate]), ("data.test", settings.data.test)):
+        card, data = Reconstructor.load(settings.trainer.initial).card, settings.data
+        for key, sites in (("data.validate", [data.validate]), ("data.calibrate", data.calibrate), ("data.test", data.test)):
             check_unseen(sites, card, key, "trainer.initial")
     kept = KeptNetwork(settings.trained, kept_name(settings)) if settings.trained and first_rank() else None
     checkpoint = output / "model.safetensors"
