@@ -1,3 +1,4 @@
+import re
 import subprocess
 import sys
 
@@ -5,6 +6,7 @@ import numpy as np
 import pytest
 from map_command_toys import npz_of
 
+from hilbertvae.checks import InputError
 from hilbertvae.commands import map as map_command
 from hilbertvae.commands import query as query_command
 from hilbertvae.commands.keywords import from_home, settings_of
@@ -60,3 +62,12 @@ def test_commands_know_the_user_s_folder(room, tmp_path, monkeypatch):
 def test_a_list_of_words_needs_no_brackets(typed):
     assert settings_of(MapSettings, [f"exports={typed}"]).exports == ["ros", "points"]
     assert settings_of(MapSettings, ["exports=ros"]).exports == ["ros"] and settings_of(MapSettings, ["exports=null"]).exports is None
+    assert settings_of(MapSettings, ["exports=ros,"]).exports == ["ros"]
+
+
+@pytest.mark.parametrize("typed", ["0,-1,0.5", "0, -1, 0.5", "[0,-1,0.5]"])
+def test_a_list_of_numbers_needs_no_brackets_either(typed):
+    assert settings_of(MapSettings, [f"sensor_origin_m={typed}"]).sensor_origin_m == [0.0, -1.0, 0.5]
+    for wrong in ("0,a", "[0,1"):
+        with pytest.raises(InputError, match=re.escape(f"sensor_origin_m: expected [number,number,...], got '{wrong}'")):
+            settings_of(MapSettings, [f"sensor_origin_m={wrong}"])

@@ -15,6 +15,7 @@ from hydra import compose, initialize_config_dir
 from narrow_networks import narrowed
 
 from hilbertvae.clusters.starts import STARTS
+from hilbertvae.commands.sweep_progress import earlier_jobs
 from hilbertvae.commands.table import main as table
 from hilbertvae.commands.train import CONF, SWEEPS, run, to_settings
 from hilbertvae.reports.result_json import read_result
@@ -124,6 +125,18 @@ def test_a_study_that_breaks_leaves_word(tmp_path):
     assert done.returncode == 1 and "FAILED random-seed0: InputError: sizes" in done.stdout
 
 
+def test_jobs_of_earlier_launches_stay_listed(tmp_path):
+    """Of the same sweep in the same size; whoever runs one case again would else find a table of that case alone."""
+    path = tmp_path / "sweep.json"
+    assert earlier_jobs(path, "table1", "quick") == []
+    path.write_text('{"sweep": "table1", "size": "quick", "jobs": ["a-seed0", "b-seed0"]}')
+    assert earlier_jobs(path, "table1", "quick") == ["a-seed0", "b-seed0"]
+    assert earlier_jobs(path, "table1", "full") == earlier_jobs(path, "table2", "quick") == []
+    for damaged in ("{", "[]", '{"sweep": "table1", "size": "quick", "jobs": 3}'):
+        path.write_text(damaged)
+        assert earlier_jobs(path, "table1", "quick") == []
+
+
 class TestASweepSurvives:
     def test_killed_it_goes_on_where_it_was(self, tmp_path):
         chosen = ["cases/ablation=default,weights-unit,dropout-0.2"]
@@ -151,8 +164,9 @@ class TestASweepSurvives:
         assert "3 of 3 jobs have results" in done.stdout
         assert "weights-unit-seed0: its network was trained before" in done.stdout
 
-        again = multirun(tmp_path, *chosen)
-        assert again.stdout.count("finished before") == 3 and "trained before" not in again.stdout
+        again = multirun(tmp_path, "cases/ablation=default,weights-unit")
+        assert again.stdout.count("finished before") == 2 and "trained before" not in again.stdout
+        assert len(json.loads((folder / "sweep.json").read_text())["jobs"]) == 3
 
     def test_a_failed_job_is_written_down_and_the_others_are_kept(self, tmp_path):
         done = multirun(tmp_path, "cases/ablation=default", "seed=-1,0")

@@ -1,4 +1,5 @@
 import json
+import math
 
 import pytest
 from reports_toys import result
@@ -62,6 +63,14 @@ def test_a_broken_run_is_a_result_that_can_be_read(tmp_path):
     found, about = read_result(path)
     assert found.failed == {RUN: "FloatingPointError: training loss is nan"} and found.scores == {} and found.gap_diameter_m == 2.5
     assert about["config"] == config
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_run_that_was_refused_for_a_number_that_is_none_leaves_word(tmp_path, value):
+    config = {"trainer": {"learning_rate": value, "all": [value, 1.0]}, "evaluation": {"gap_ratio": value, "cluster_size_m": 5.0}}
+    found, about = read_result(write_failure(tmp_path, config, InputError("trainer.learning_rate: expected a positive number")))
+    assert found.failed == {RUN: "InputError: trainer.learning_rate: expected a positive number"}
+    assert about["config"]["trainer"] == {"learning_rate": str(value), "all": [str(value), 1.0]}
 
 
 def test_even_a_run_without_settings_leaves_word(tmp_path):

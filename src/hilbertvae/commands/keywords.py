@@ -39,13 +39,16 @@ def settings_of(kind: type[T], words: list[str]) -> T:
         if types_of(kind)[key] in ("str", "str | None"):
             texts[key] = None if text == "null" else text  # as it was typed: a path may hold what YAML and OmegaConf read as their own
             continue
-        if types_of(kind)[key].startswith("list[str]") and text not in ("", "null") and not text.startswith("["):
-            texts[key] = [part.strip() for part in text.split(",")]
+        bare = types_of(kind)[key].startswith("list[") and text not in ("", "null") and not text.startswith("[")
+        if bare and types_of(kind)[key].startswith("list[str]"):
+            texts[key] = [part.strip() for part in text.split(",") if part.strip()]
             continue
         try:
-            OmegaConf.update(schema, key, OmegaConf.from_dotlist([f"value={text}"])["value"])
+            value = f"[{text}]" if bare else text  # brackets are what some shells want quoted
+            OmegaConf.update(schema, key, OmegaConf.from_dotlist([f"value={value}"])["value"])
         except (OmegaConfBaseException, YAMLError, ValueError) as error:
-            wanted = types_of(kind)[key].removesuffix(" | None").replace("list[str]", "[word,word,...]")
+            wanted = types_of(kind)[key].removesuffix(" | None")
+            wanted = {"list[str]": "[word,word,...]", "list[float]": "[number,number,...]"}.get(wanted, wanted)
             raise InputError(f"{key}: expected {wanted}, got {text!r}") from error
     settings = OmegaConf.to_object(schema)
     for key, text in texts.items():

@@ -27,7 +27,9 @@ SWEEP = "sweep.json"
 
 
 class SweepProgress(Callback):
-    """Writes `sweep.json` beside the jobs' folders: the sweep, its size, and all jobs, so that a table can name those that are missing."""
+    """Writes `sweep.json` beside the jobs' folders: the sweep, its size, and all jobs, so that a table can name those that are missing.
+
+    Jobs of an earlier launch of the same sweep stay listed: who adds a seed, or runs one case again, has the others' results still."""
 
     def __init__(self):
         self.since = time.perf_counter()
@@ -41,7 +43,8 @@ class SweepProgress(Callback):
             sys.exit(2)
         sweep = OmegaConf.select(config, "hydra.runtime.choices.sweep")
         if sweep:  # any other multirun may be of anything; hilbertvae-table is told what with --sweep
-            write_json(folder / SWEEP, {"sweep": sweep, "size": config.size, "jobs": jobs})
+            known = earlier_jobs(folder / SWEEP, sweep, config.size)
+            write_json(folder / SWEEP, {"sweep": sweep, "size": config.size, "jobs": list(dict.fromkeys(known + jobs))})
         print(f"{len(jobs)} jobs in {folder}", flush=True)
         # Not on_multirun_end, which Hydra leaves out when a job failed.
         atexit.register(say_how_it_ended, folder, jobs)
@@ -54,6 +57,15 @@ class SweepProgress(Callback):
             return  # a single run
         how = "finished" if job_return.status == JobStatus.COMPLETED else "FAILED"
         print(f"\n{how} {Path(config.hydra.runtime.output_dir).name} in {time.perf_counter() - self.since:.0f} s", flush=True)
+
+
+def earlier_jobs(path: Path, sweep: str, size: str) -> list[str]:
+    """The jobs that `sweep.json` has of the same sweep in the same size; none where it is of another, damaged, or not there."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return [str(job) for job in content["jobs"]] if (content["sweep"], content["size"]) == (sweep, size) else []
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
 
 
 def say_how_it_ended(folder: Path, jobs: list[str]) -> None:

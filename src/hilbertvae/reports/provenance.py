@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import resource
 import subprocess
 import sys
 from importlib import metadata
@@ -112,8 +111,12 @@ def cpu_name() -> str:
     )
 
 
-def peak_memory_mb() -> float:
+def peak_memory_mb() -> float | None:
     """The largest resident memory of this process or of any one child that has ended, in MB (1e6 bytes)."""
     unit = 1 if sys.platform == "darwin" else 1024  # bytes there, KiB on Linux
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return None
     most = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return round(most * unit / 1e6, 1)

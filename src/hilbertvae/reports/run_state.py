@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from hilbertvae.checks import InputError
@@ -46,14 +47,25 @@ def forget(folder: str | Path, sites: list[str]) -> None:
 
 def write_failure(folder: str | Path, config: dict, error: BaseException) -> Path:
     """`result.json` with status `failed`, for a run that broke. config: plain containers, as far as they are known."""
+    config = _finite(config)  # the value that was refused may be one that JSON has no word for
     evaluation, sites = config.get("evaluation") or {}, (config.get("data") or {}).get("test") or [""]
+    diameter = float(evaluation.get("gap_ratio") or 0) * float(evaluation.get("cluster_size_m") or 0)
     broken = Result(
         site=str(sites[0]),
         dimension=int(config.get("dimension") or 0),
-        gap_diameter_m=float(evaluation.get("gap_ratio") or 0) * float(evaluation.get("cluster_size_m") or 0),
+        gap_diameter_m=diameter if math.isfinite(diameter) else 0.0,
         gap_seeds=list(evaluation.get("gap_seeds") or []),
         ceiling={},
         failed={RUN: f"{type(error).__name__}: {error}"},
         protocol=dict(evaluation),
     )
     return write_result(Path(folder) / "result.json", broken, provenance(config, identity={"failed": True}))
+
+
+def _finite(node):
+    """Plain containers with NaN and infinite numbers as text."""
+    if isinstance(node, dict):
+        return {key: _finite(value) for key, value in node.items()}
+    if isinstance(node, list):
+        return [_finite(value) for value in node]
+    return str(node) if isinstance(node, float) and not math.isfinite(node) else node
