@@ -49,6 +49,19 @@ def test_parts_equal_brute_force(seed, dimension, balls, resolution_m, corner_m,
     np.testing.assert_array_equal(gaps.part(points), [part_by_loop(gaps, point) for point in points])
 
 
+@pytest.mark.parametrize(("dimension", "apart_m"), [(2, 5e6), (3, 2e5)])
+def test_balls_far_apart_take_no_raster_between_them(dimension, apart_m):
+    """As of a scan whose pose was forgotten, in a file of UTM coordinates: each ball is what it is alone."""
+    rng = np.random.default_rng(0)
+    centres = np.array([[0.0] * dimension, [apart_m] * dimension])
+    points = np.concatenate([rng.uniform(-3, 3, (400, dimension)) + centre for centre in centres])
+    both = Gaps(centres, np.array([1.25, 1.25]), 0.1)
+    alone = [Gaps(centre[None], np.array([1.25]), 0.1).part(points) for centre in centres]
+    found = both.part(points)
+    np.testing.assert_array_equal(found, np.where(alone[0] != OUTSIDE, alone[0], alone[1]))
+    assert {*found[:400]} == {*found[400:]} == {INSIDE, OUTSIDE, RIM}
+
+
 def test_the_voxel_decides_not_the_point(place):
     gaps = random_gaps(place.fit, 2.5, place.resolution_m, seed=0)
     parts = {}

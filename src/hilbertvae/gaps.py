@@ -17,6 +17,8 @@ LEAST_SHARE, MOST_SHARE = 0.10, 0.15
 """Balls are added until at least the first share of the points is gone, and none that would take more than the second."""
 HOPELESS = 500
 """After so many balls of which none could be cut, none will be; each try of a large one counts most of the site's points."""
+MOST_RASTER_CELLS = 1 << 24
+"""Of a raster that is kept whole; where balls lie farther apart its cells are looked up one by one, which takes longer."""
 INSIDE, OUTSIDE, RIM = 1, 0, -1
 
 
@@ -57,11 +59,15 @@ class Gaps:
         first, last = voxel_index(self.centres - reach, side), voxel_index(self.centres + reach, side)
         low = first.min(axis=0)
         shape = last.max(axis=0) - low + 1
-        held = np.zeros(shape, bool)
-        for step in itertools.product((0, 1), repeat=len(low)):  # a ball reaches into two cells along an axis, no more
-            held[tuple((np.minimum(first + step, last) - low).T)] = True
+        # A ball reaches into two cells along an axis, no more.
+        reached = np.concatenate([np.minimum(first + step, last) - low for step in itertools.product((0, 1), repeat=len(low))])
         cell = voxel_index(points, side) - low
         inside = ((cell >= 0) & (cell < shape)).all(axis=1)
+        if math.prod(map(int, shape)) > MOST_RASTER_CELLS:
+            inside[inside] = np.isin(_as_keys(cell[inside]), _as_keys(reached))
+            return inside
+        held = np.zeros(shape, bool)
+        held[tuple(reached.T)] = True
         inside[inside] = held[tuple(cell[inside].T)]
         return inside
 
@@ -138,3 +144,9 @@ def random_gaps(
     if not len(centres):
         raise NoRoom(f"gaps of {diameter_m} m: none fits into this site without removing more than {MOST_SHARE:.0%} of it")
     return Gaps(centres, radii, resolution_m, count / len(cloud), rim)
+
+
+def _as_keys(cells: np.ndarray) -> np.ndarray:
+    """(N,) one opaque value for each row of integers, to be compared as a whole."""
+    cells = np.ascontiguousarray(cells)
+    return cells.view(np.dtype((np.void, cells.dtype.itemsize * cells.shape[1]))).ravel()

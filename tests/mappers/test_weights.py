@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -217,6 +218,7 @@ def test_weights_of_grids_alone_are_fitted_on_every_query_in_a_box():
     assert found.everywhere[-1] == 0  # grids that know nothing answer 0, and p must be 0.5 there
     np.testing.assert_allclose(found.unseen, in_gaps, atol=0.12)
     np.testing.assert_array_equal(found.grids_alone().unseen, found.everywhere)
+    assert replace(found, occupied_weight=7.0).grids_alone().occupied_weight == 7.0
 
 
 @pytest.mark.parametrize("missing", ["unseen", "seen", "everywhere", "level"])

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_count, check_not_negative, check_whole
+from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_whole
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import NoRoom
 from hilbertvae.grids.aligned_grid import IndexedCloud
@@ -60,7 +60,7 @@ class CompletingMapper(Mapper):
         if self.grid is not None and not isinstance(self.grid, GridSettings):
             raise InputError(f"grid: expected GridSettings or None, got {self.grid!r}")
         check_calibration(self.calibration)
-        check_not_negative(self.ridge, "ridge")
+        (check_positive if self.weights == "cluster" else check_not_negative)(self.ridge, "ridge")  # some clusters no query touches
 
     def _check_network(self, dimension: int) -> None:
         """What may have been set since the map was begun, too."""

@@ -121,7 +121,7 @@ class HilbertMap(GrowingMapper):
         self.grid_ = self.grid or (network.grid if network else GridSettings())
         if self.inner_radius_m is not None:
             self.grid_ = replace(self.grid_, inner_radius_m=self.inner_radius_m)
-            self.grid_.check()
+        self.grid_.check()
         network_m = network.resolution_m if network else RESOLUTION_M[dimension]
         resolution_m = network_m if self.resolution_m is None else check_cell_m(self.resolution_m, "resolution_m")
         self.evidence_ = Evidence(cloud.points, cloud.occupied, cloud.weight, resolution_m)

@@ -62,7 +62,7 @@ class RankWeights:
 
     def grids_alone(self) -> RankWeights:
         """The weights of a map without evidence: the paper's plain sum."""
-        return RankWeights(self.everywhere, self.seen, self.everywhere, level=False)
+        return RankWeights(self.everywhere, self.seen, self.everywhere, level=False, occupied_weight=self.occupied_weight)
 
     def logit(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray, away=np.inf) -> np.ndarray:
         """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, `evidence (S, F)` of those `seen (Q,)`, and how far

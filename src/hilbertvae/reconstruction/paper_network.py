@@ -46,6 +46,8 @@ class PaperNetwork(nn.Module):
         check_network_numbers(settings)
         if len(settings.kernels) != depth:
             raise InputError(f"network.kernels: expected {depth}, one per channel count, got {len(settings.kernels)}")
+        if not depth or any(kernel < 1 or kernel % 2 == 0 for kernel in settings.kernels):
+            raise InputError(f"network.kernels: expected odd numbers of cells, at least one, got {list(settings.kernels)}")
         if cells % 2**depth:
             raise InputError(f"grid.cells: expected a multiple of {2**depth} for {depth} poolings, got {cells}")
         self.settings, self.dimension = settings, dimension
