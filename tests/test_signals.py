@@ -9,8 +9,9 @@ from hilbertvae.signals import STOPS, not_stopped, stopped_by_signals
 
 @pytest.fixture(autouse=True)
 def nothing_ignored():
-    """A suite that was started by `nohup` ignores closed terminals itself."""
+    """A suite that was started by `nohup` ignores closed terminals itself, and one that a script started in the background Ctrl-C."""
     before = {number: signal.signal(number, signal.SIG_DFL) for number in STOPS}
+    before[signal.SIGINT] = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     for number, handler in before.items():
         signal.signal(number, handler)
