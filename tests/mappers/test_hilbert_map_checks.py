@@ -82,7 +82,7 @@ def test_bad_queries_are_named(room, queries, message):
         ({"flips": 0}, "flips: expected 1, 2, 4 or 8, got 0"),
         ({"fill": "off"}, "fill: expected True or False, got 'off'"),
         ({"evidence": "no"}, "evidence: expected True or False, got 'no'"),
-        ({"ridge": -1.0}, "ridge: expected a number from 0 on, got -1.0"),
+        ({"ridge": -1.0, "weights": "cluster"}, "ridge: expected a number from 0 on, got -1.0"),
         ({"ridge": 0.0, "weights": "cluster"}, "ridge: expected a positive number, got 0.0"),
         ({"grid": GridSettings(occupied_share=-3.0)}, "grid.occupied_share: expected a share"),
         ({"grid": GridSettings(interpolated="no")}, "grid.interpolated: expected true or false"),

@@ -35,20 +35,19 @@ def settings_of(kind: type[T], words: list[str]) -> T:
             raise InputError(f"{key}: unknown key; expected one of {', '.join(part.name for part in dataclasses.fields(kind))}")
     schema, texts = OmegaConf.structured(kind), {}
     for word, key in zip(words, keys, strict=True):
-        text = word.partition("=")[2]
-        if types_of(kind)[key] in ("str", "str | None"):
+        text, typed = word.partition("=")[2], types_of(kind)[key].removesuffix(" | None")
+        if typed == "str":
             texts[key] = None if text == "null" else text  # as it was typed: a path may hold what YAML and OmegaConf read as their own
             continue
-        bare = types_of(kind)[key].startswith("list[") and text not in ("", "null") and not text.startswith("[")
-        if bare and types_of(kind)[key].startswith("list[str]"):
+        bare = typed.startswith("list[") and text not in ("", "null") and not text.startswith("[")
+        if bare and typed == "list[str]":
             texts[key] = [part.strip() for part in text.split(",") if part.strip()]
             continue
         try:
             value = f"[{text}]" if bare else text  # brackets are what some shells want quoted
             OmegaConf.update(schema, key, OmegaConf.from_dotlist([f"value={value}"])["value"])
         except (OmegaConfBaseException, YAMLError, ValueError) as error:
-            wanted = types_of(kind)[key].removesuffix(" | None")
-            wanted = {"list[str]": "[word,word,...]", "list[float]": "[number,number,...]"}.get(wanted, wanted)
+            wanted = {"list[str]": "[word,word,...]", "list[float]": "[number,number,...]"}.get(typed, typed)
             raise InputError(f"{key}: expected {wanted}, got {text!r}") from error
     settings = OmegaConf.to_object(schema)
     for key, text in texts.items():

@@ -60,7 +60,9 @@ class CompletingMapper(Mapper):
         if self.grid is not None and not isinstance(self.grid, GridSettings):
             raise InputError(f"grid: expected GridSettings or None, got {self.grid!r}")
         check_calibration(self.calibration)
-        (check_positive if self.weights == "cluster" else check_not_negative)(self.ridge, "ridge")  # some clusters no query touches
+        check_not_negative(self.ridge, "ridge")
+        if self.weights == "cluster":  # nothing else decides the weight of a cluster that no query touches
+            check_positive(self.ridge, "ridge")
 
     def _check_network(self, dimension: int) -> None:
         """What may have been set since the map was begun, too."""
