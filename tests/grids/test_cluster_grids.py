@@ -7,7 +7,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.clusters.starts import STARTS
 from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN, IndexedCloud, bin_places, bin_points, count_code
-from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, find_frames, labels_of
+from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, find_frames, labels_of, voxel_grid
 from toy_rooms import tiny_grid
 
 
@@ -93,3 +93,12 @@ def test_a_cloud_that_was_sorted_once_gives_the_same_grids(place, detailed):
     indexed = IndexedCloud.around(place.fit, frames)
     found = [bin_shown(indexed, frames.select(slice(start, start + 3)), grid, detailed) for start in range(0, len(frames), 3)]
     np.testing.assert_array_equal(np.concatenate(found), bin_shown(place.fit, frames, grid, detailed))
+
+
+@pytest.mark.parametrize(("resolution_m", "cells"), [(0.05, 128), (0.1, 64), (0.15, 42), (0.2, 32), (5.0, 2)])
+def test_cells_of_voxels(resolution_m, cells):
+    """With 0.1 m it is the default."""
+    grid = voxel_grid(resolution_m)
+    grid.check()
+    assert grid.cells == cells and grid.cell_m == pytest.approx(resolution_m)
+    assert (grid == GridSettings()) == (resolution_m == 0.1)

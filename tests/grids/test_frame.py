@@ -109,7 +109,7 @@ def test_axes_are_eigenvectors_the_largest_first_and_point_to_free_space(place, 
         covariance = turn.T @ np.cov(members.T, bias=True) @ turn
         np.testing.assert_allclose(covariance - np.diag(np.diag(covariance)), 0, atol=1e-9)
         assert (np.diff(np.diag(covariance)) <= 1e-9).all()
-        near = free[np.linalg.norm(free[:, :axes] - clusters.seeds[m, :axes], axis=1) <= DIAMETER_M / 2]
+        near = free[np.linalg.norm(free - clusters.seeds[m], axis=1) <= DIAMETER_M / 2]  # and none from another storey
         side = (near[:, :axes].mean(axis=0) - members.mean(axis=0)) @ turn
         # All axes point to the free space but, at most, the one on which it is least clear where that is.
         wrong = np.flatnonzero(side < 0)

@@ -76,6 +76,8 @@ def test_steps_that_are_no_number_of_steps(room, steps):
 def test_where_nothing_can_be_learned(room):
     with pytest.raises(InputError, match="adapt_steps: expected a network that can learn, got raw grids"):
         fit(HilbertMap(grid=tiny_grid(), adapt_steps=1), room.fit)
+    with pytest.raises(InputError, match="adapt_steps: expected 0 with weights=cluster"):
+        fit(HilbertMap(tiny_reconstructor(), weights="cluster", adapt_steps=1), room.fit)
     with pytest.raises(InputError, match="adapt_steps: expected 0 without fill"):
         fit(HilbertMap(tiny_reconstructor(), fill=False, adapt_steps=1), room.fit)
     with pytest.raises(InputError, match="adapt_steps: expected 0 to begin a map with partial_fit"):

@@ -10,7 +10,7 @@ from sklearn.base import clone
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import fit_cloud
 from hilbertvae.clusters.clusters import Clusters, search_tree
-from hilbertvae.grids.cluster_grids import bin_detailed, bin_grids, frames_of
+from hilbertvae.grids.cluster_grids import GridSettings, bin_detailed, bin_grids, frames_of
 from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.weights import RankWeights
@@ -269,3 +269,21 @@ def test_settings_that_cannot_grow(room):
     with pytest.raises(InputError, match="neighbours: the weights were learned for 5, got 3"):
         add(unfitted, part)
     assert not hasattr(clone(unfitted), "grids_") and not hasattr(unfitted, "grids_")
+
+
+def test_free_space_of_another_storey_turns_no_box():
+    """In yaw frames too: what a map that grows looks up is the box, so a batch may not look farther."""
+    rng = np.random.default_rng(3)
+    along, height = rng.uniform(0, 4, (2, 400)), rng.uniform(0, 2, (2, 400))
+    walls = np.concatenate([np.c_[along[0], 0 * along[0], height[0]], np.c_[0 * along[1], along[1], height[1]]])
+    free, sky = rng.uniform([0.2, 0.2, 0], [3, 3, 2], (600, 3)), rng.uniform([-3, -3, 9], [0, 0, 16], (3000, 3))
+    grid = GridSettings(cells=8, cluster_diameter_m=3.2, inner_radius_m=0.8, minimum_points=1, frame=FrameSettings("seed", "yaw", "fixed"))
+    points = np.concatenate([walls, free, sky])
+    occupied = np.arange(len(points)) < len(walls)
+    mapper = HilbertMap(weights="unit", grid=grid)
+    for part in (occupied, ~occupied):  # the sky is seen after its boxes stand
+        mapper.partial_fit(points[part], occupied[part])
+    cloud = mapper.settle().evidence_.cloud()
+    found = Clusters(mapper.seeds_, search_tree(cloud.points[cloud.occupied]), grid.cluster_diameter_m / 2)
+    assert mapper.cluster_count() > 5
+    np.testing.assert_allclose(mapper.frames_.rotation, frames_of(found, cloud, grid).rotation, rtol=0, atol=1e-9)

@@ -1,5 +1,7 @@
 """Real occlusion: which scans are kept, and which places are scored."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from protocol_toys import Spy, voxels
@@ -51,8 +53,19 @@ def test_a_setting_that_would_keep_no_return_is_left_out_for_every_seed():
     scans = whole.select((whole.scan < 12) & (whole.scan % 10 != 3))
     for seed in (0, 3):
         assert set(occluded_parts(scans, seed)) == {"occluded-half"}
-    late = whole.select(whole.scan > whole.scan.max() / 2)
-    assert set(occluded_parts(late, 0)) == {"occluded-sparse"}
+    silent = whole.select((whole.scan == 0) & whole.held_out() | (whole.scan > whole.scan.max() / 2))  # in whose first half nothing is shown
+    assert set(occluded_parts(silent, 0)) == {"occluded-sparse"}
+
+
+def test_scans_may_be_numbered_from_anywhere():
+    """A drive that was cut out of a longer one is itself a drive, with a first half."""
+    whole = square_room()
+    later = replace(whole, scan=whole.scan + 10)
+    for seed in (0, 4):
+        before, after = (occluded_parts(scans, seed) for scans in (whole, later))
+        assert set(before) == set(after) == {"occluded-sparse", "occluded-half"}
+        for region in before:
+            np.testing.assert_array_equal(before[region], after[region])
 
 
 def test_occlusion_by_brute_force(near_sighted):

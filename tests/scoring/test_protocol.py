@@ -138,6 +138,20 @@ def test_the_leak_check_is_told_the_centres_and_scores_their_distance(room):
         assert found["voxels"]["gaps"]["auc"][k] == pytest.approx(wins / (len(hit) * len(free)), abs=1e-9)
 
 
+class WithCentres(NearestMapper):
+    """A parameter of this name is its own business, as of one with radial bases."""
+
+    def __init__(self, centres=((9.0, 9.0),)):
+        super().__init__()
+        self.centres = centres
+
+
+def test_no_other_mapper_is_told_where_gaps_are(room):
+    mapper = WithCentres()
+    found = evaluate(mapper, room, Protocol(gap_seeds=[0], gap_ratio=0.5, cluster_size_m=3.0), "mine").scores["mine"]
+    assert mapper.centres == ((9.0, 9.0),) and "occluded-half" in found["voxels"]
+
+
 def test_precision_recall_curves(room):
     found = evaluate(Spy(), room, QUICK, "spy")
     gaps = cut_site(room, QUICK, 0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -56,6 +56,14 @@ class GridSettings:
     def cell_m(self) -> float:
         """The side of a cell in metres, where the scale is fixed."""
         return self.cluster_diameter_m / self.cells
+
+
+def voxel_grid(resolution_m: float) -> GridSettings:
+    """The default's boxes, or nearly, with cells that are the voxels to which points are thinned: finer ones would mostly stay unknown."""
+    default = GridSettings()
+    cells = max(2, 2 * round(default.cluster_diameter_m / resolution_m / 2))  # even: the sides of boxes lie on those of voxels
+    diameter_m = cells * resolution_m
+    return replace(default, cells=cells, cluster_diameter_m=diameter_m, inner_radius_m=min(default.inner_radius_m, diameter_m / 2))
 
 
 def cloud_clusters(cloud: Cloud, settings: GridSettings, seed: int) -> Clusters:

@@ -144,12 +144,11 @@ def _eigenvectors(clusters: Clusters, returns: np.ndarray, cloud: Cloud, diamete
     covariance = _mean(centred[:, :, None] * centred[:, None, :], segment, count)
     vectors = np.linalg.eigh(covariance)[1][:, :, ::-1]
 
-    free = cloud.points[~cloud.occupied][:, :axes]
+    free = cloud.points[~cloud.occupied]
     radius = diameter_m / 2
-    seeds = clusters.seeds[:, :axes]
-    box, point = BucketIndex(free, radius).in_boxes(seeds - radius, seeds + radius)
-    near = np.linalg.norm(free[point] - seeds[box], axis=1) <= radius
-    side = np.einsum("md,mde->me", _mean(free[point[near]] - mean[box[near]], box[near], count), vectors)
+    box, point = BucketIndex(free, radius).in_boxes(clusters.seeds - radius, clusters.seeds + radius)
+    near = np.linalg.norm(free[point] - clusters.seeds[box], axis=1) <= radius  # in all coordinates: not the sky above a street
+    side = np.einsum("md,mde->me", _mean(free[point[near], :axes] - mean[box[near]], box[near], count), vectors)
     vectors = vectors * np.where(side < 0, -1.0, 1.0)[:, None, :]
     improper = np.flatnonzero(np.linalg.det(vectors) < 0)
     vectors[improper, :, np.abs(side[improper]).argmin(axis=1)] *= -1

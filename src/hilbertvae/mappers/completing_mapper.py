@@ -115,6 +115,8 @@ class CompletingMapper(Mapper):
             raise InputError("adapt_steps: expected a network that can learn, got raw grids")
         if steps and not self.fill:
             raise InputError("adapt_steps: expected 0 without fill, where no network is asked")
+        if steps and self.weights == "cluster":  # what is hidden for the factors would be asked of a network that has learned from it
+            raise InputError("adapt_steps: expected 0 with weights=cluster, whose factors are learned on the same points")
 
     def _adapt(self, cloud: Cloud) -> Reconstructor:
         """The network after `adapt_steps` on gaps that are cut from the cloud for this alone: several clusterings, until each grid is seen

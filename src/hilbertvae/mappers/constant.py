@@ -41,6 +41,8 @@ class GapCentreMapper(_DeafMapper):
     centres: (G, D) metres.
     """
 
+    told_gaps = True
+
     def __init__(self, centres=((0.0, 0.0),)):
         self.centres = centres
 

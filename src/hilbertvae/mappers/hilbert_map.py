@@ -16,7 +16,7 @@ from sklearn.utils.validation import check_is_fitted
 from hilbertvae.checks import InputError, check_cell_m
 from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
-from hilbertvae.grids.cluster_grids import GridSettings, cloud_clusters, frames_of
+from hilbertvae.grids.cluster_grids import GridSettings, cloud_clusters, frames_of, voxel_grid
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernels
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
@@ -47,7 +47,7 @@ class HilbertMap(GrowingMapper):
     flips: symmetries over which a reconstruction is averaged, 1, 2, 4 or 8; `FLIPS` of the dimension unless given.
     fill: without, there are no grids, and the map has what was observed alone.
     evidence: whether what was observed in a query's voxel is added; the paper's own map knows only its grids.
-    grid, resolution_m: as the network was trained, unless given.
+    grid, resolution_m: as the network was trained, unless given; without one, boxes of some 6.4 m and cells of `resolution_m`, 0.1 m or 0.2 m.
     adapt_steps: for how many steps the network goes on learning from the site itself in `fit`, from gaps cut for that (`adaptation.py`).
         100 take half a minute to three in 2D, by processor; 0, the default, leaves it as it is.
     """
@@ -118,12 +118,12 @@ class HilbertMap(GrowingMapper):
         self.flips_ = FLIPS[dimension] if self.flips is None else self.flips
         self.check_settings()
         self._check_adaptation()
-        self.grid_ = self.grid or (network.grid if network else GridSettings())
+        network_m = network.resolution_m if network else RESOLUTION_M[dimension]
+        resolution_m = network_m if self.resolution_m is None else check_cell_m(self.resolution_m, "resolution_m")
+        self.grid_ = self.grid or (network.grid if network else voxel_grid(resolution_m))
         if self.inner_radius_m is not None:
             self.grid_ = replace(self.grid_, inner_radius_m=self.inner_radius_m)
         self.grid_.check()
-        network_m = network.resolution_m if network else RESOLUTION_M[dimension]
-        resolution_m = network_m if self.resolution_m is None else check_cell_m(self.resolution_m, "resolution_m")
         self.evidence_ = Evidence(cloud.points, cloud.occupied, cloud.weight, resolution_m)
         self.rank_weights_ = self._rank_weights()
         self.small_seeds_ = self._growing = self.adapted_ = None

@@ -89,6 +89,8 @@ class Mapper(ClassifierMixin, BaseEstimator):
     """Queries answered at once by one core: few enough that what is computed for them stays in its cache. Changes no answer."""
     needs_both_classes = True
     """Whether a cloud with one label only is refused. A mapper of hits alone overrides this."""
+    told_gaps = False
+    """Whether `evaluate` sets a parameter `centres` to where gaps are: the leak check alone, which knows nothing else."""
 
     def fit(self, points, y, sample_weight=None):
         """Fit on `points (N, D)` in metres with labels `y (N,)`, the greater of which means occupied (False/True, 0/1, -1/+1).

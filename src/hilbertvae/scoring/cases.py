@@ -74,12 +74,14 @@ def _questions(site: Site, cloud: Cloud, regions: dict[str, np.ndarray]) -> Ques
 def occluded_parts(scans: Scans, seed: int) -> dict[str, np.ndarray]:
     """The kept returns of each setting, (N,) bool: every tenth scan in 2D and third in 3D, from scan `seed` on; the first half.
 
-    A setting is left out, for every seed, where a site has too few scans for it.
+    Numbers count from the drive's first scan. A setting is left out, for every seed, where a site has too few scans for it. In 2D all
+    kept scans of a seed hold out the same beams (`Scans.held_out` moves on by one a scan, too); what these saw is never asked.
     """
-    step, count = OCCLUSION_STEP[scans.dimension], int(scans.scan.max()) + 1
-    fitted = scans.scan[~scans.held_out()]  # a scan may have returned nothing, and then has a number alone
-    enough = {"occluded-sparse": len(np.unique(fitted % step)) == step, "occluded-half": (fitted < count / 2).any()}
-    kept = {"occluded-sparse": scans.scan % step == seed % step, "occluded-half": scans.scan < count / 2}
+    step, scan = OCCLUSION_STEP[scans.dimension], scans.scan - scans.scan.min()
+    count = int(scan.max()) + 1
+    fitted = ~scans.held_out()  # a scan may have returned nothing, and then has a number alone
+    kept = {"occluded-sparse": scan % step == seed % step, "occluded-half": scan < count / 2}
+    enough = {"occluded-sparse": len(np.unique(scan[fitted] % step)) == step, "occluded-half": kept["occluded-half"][fitted].any()}
     return {region: kept[region] for region, some in enough.items() if some and count >= 2}
 
 

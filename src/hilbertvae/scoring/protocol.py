@@ -83,7 +83,7 @@ def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, p
             _prepare(mapper, seed, gaps)
         key = ("gap case", protocol.gap_diameter_m, protocol.centred, protocol.rim, seed)
         cases = [site.remember(key, lambda gaps=gaps: gap_case(site, gaps))]
-        if protocol.occlusion and "centres" not in first.get_params():
+        if protocol.occlusion and not first.told_gaps:
             for region, kept in occluded_parts(site.scans, seed).items():
                 key = (region, kept.tobytes())
                 cases.append(site.remember(key, lambda region=region, kept=kept: occlusion_case(site, region, kept)))
@@ -141,7 +141,7 @@ def _prepare(mapper: Mapper, seed: int, gaps: Gaps) -> None:
     parameters = mapper.get_params(deep=False)
     if "seed" in parameters:
         mapper.set_params(seed=seed)
-    if "centres" in parameters:  # the leak check: it knows where the gaps are, and nothing else
+    if mapper.told_gaps:  # the leak check: it knows where the gaps are, and nothing else
         mapper.set_params(centres=gaps.centres)
 
 
@@ -178,7 +178,8 @@ def _curve(occupied: np.ndarray, probability: np.ndarray) -> list[float]:
 
 
 def ceiling(site: Site) -> dict[str, dict[str, float]]:
-    """Precision and recall on held-out beams of the best vote at the map's own cell size: no map of such cells can call more right."""
+    """Precision and recall on held-out beams of the best vote of all beams at the map's own cell size: what a map of labelled
+    cells says at best that has seen everything (METHOD 7)."""
     found = {}
     for reading, cloud, held_out in (("points", site.points, site.points_held_out), ("voxels", site.voxels, site.voxels_held_out)):
         _, cell = np.unique(voxel_keys(cloud.points, site), return_inverse=True)

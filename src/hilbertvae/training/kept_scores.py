@@ -88,8 +88,8 @@ CODE = _code_hash()
 def _described(mapper: Mapper) -> list:
     """A mapper's class, the source of one that is not ours, and its settings: networks and files by their contents."""
     kind = type(mapper)
-    # A gap's seed and centres are set again for each seed.
-    parameters = {key: _plain(value) for key, value in mapper.get_params(deep=False).items() if key not in ("seed", "centres")}
+    again = ("seed", "centres") if mapper.told_gaps else ("seed",)  # set for each gap seed
+    parameters = {key: _plain(value) for key, value in mapper.get_params(deep=False).items() if key not in again}
     return [f"{kind.__module__}.{kind.__qualname__}", _foreign_source(kind), parameters]
 
 
