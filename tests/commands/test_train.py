@@ -22,6 +22,7 @@ from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.training.scoring import give_networks
+from toy_rooms import tiny_reconstructor
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 
@@ -160,6 +161,22 @@ class TestEveryConfiguration:
         assert first.scores == second.scores
         about = read_result(tmp_path / "again/result.json")[1]
         assert about["data"]["checkpoint"] == file_sha256(tmp_path / "run/model.safetensors")
+
+    def test_what_a_mapper_names_is_what_was_scored(self, tmp_path):
+        """And what an earlier scoring in the same folder showed is gone."""
+        network = tiny_reconstructor()
+        path = network.save(tmp_path / "tiny.safetensors")
+        (tmp_path / "run/pictures").mkdir(parents=True)
+        (tmp_path / "run/pictures/old.png").write_text("")
+        settings = fast(
+            tmp_path, "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false", f"mapper.cvae-hm.reconstructor={path}",
+            "+mapper.cvae-hm.weights=unit",
+        )  # fmt: skip
+        assert run(settings) == 0
+        about = read_result(tmp_path / "run/result.json")[1]
+        assert about["config"]["network"]["channels"] == network.network_settings.channels
+        assert about["config"]["grid"]["cells"] == network.grid.cells
+        assert not (tmp_path / "run/pictures").exists() and list((tmp_path / "run/tensorboard").iterdir())
 
     def test_a_checkpoint_that_is_not_there_is_named(self, tmp_path):
         with pytest.raises(InputError, match="gone.safetensors: no such checkpoint"):

@@ -100,6 +100,12 @@ def test_nothing_is_written_that_json_can_t_hold(tmp_path):
         ),
         (lambda c: c["scores"]["nearest"]["points"]["gaps"].update(f1=[1, 2, "x"]), "scores.nearest.points.gaps.f1: expected 3 numbers"),
         (lambda c: c["scores"]["nearest"]["points"]["gaps"].update(f1=[1, 2, float("nan")]), "scores.nearest.points.gaps.f1"),
+        (lambda c: c.update(gap_seeds=[0, 1, "x"]), "gap_seeds: expected whole numbers, got [0, 1, 'x']"),
+        (lambda c: c.update(seconds={"nearest": 3}), "seconds.nearest: expected an object, got 3"),
+        (lambda c: c.update(seconds={"nearest": {"fit": ["long"]}}), "seconds.nearest.fit: expected a list of numbers, got ['long']"),
+        (lambda c: c.update(maps=[1]), "maps: expected an object, got [1]"),
+        (lambda c: c.update(ceiling={"points": {}}), "ceiling.points: expected precision and recall, got {}"),
+        (lambda c: c.update(failed={"hm": 3}), "failed.hm: expected text, got 3"),
     ],
 )
 def test_a_bad_file_names_itself_and_the_key(tmp_path, change, message):

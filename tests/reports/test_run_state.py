@@ -7,7 +7,7 @@ from reports_toys import result
 from hilbertvae.checks import InputError
 from hilbertvae.reports.provenance import provenance
 from hilbertvae.reports.result_json import read_result, write_result
-from hilbertvae.reports.run_state import RUN, UNFINISHED, is_finished, site_folder, write_failure
+from hilbertvae.reports.run_state import RUN, UNFINISHED, clear, forget, is_finished, site_folder, write_failure
 
 IDENTITY = {"training": "abc"}
 
@@ -40,6 +40,32 @@ def test_all_sites_have_to_be_there(finished):
     other.site = "simulated:5"
     write_result(site_folder(folder, other.site, first=False) / "result.json", other, provenance({}, identity=IDENTITY))
     assert is_finished(folder, [found.site, "simulated:5"], IDENTITY)
+
+
+def test_pictures_that_are_asked_for_are_part_of_it(finished):
+    folder, found = finished
+    assert is_finished(folder, [found.site], IDENTITY, pictures=False)
+    assert not is_finished(folder, [found.site], IDENTITY, pictures=True)
+    (folder / "pictures").mkdir()
+    assert is_finished(folder, [found.site], IDENTITY, pictures=True)
+
+
+def test_all_results_of_a_folder_are_forgotten_and_nothing_else(finished):
+    folder, found = finished
+    write_result(folder / "elsewhere/result.json", found, provenance({}, identity=IDENTITY))
+    (folder / "elsewhere/scores.md").write_text("")
+    (folder / "model.safetensors").write_text("")
+    forget(folder)
+    assert sorted(path.name for path in folder.rglob("*")) == ["elsewhere", "model.safetensors", "scores.md"]
+
+
+def test_what_shows_an_earlier_scoring_is_cleared(tmp_path):
+    clear(tmp_path)
+    for name in ("tensorboard/events", "pictures/map.png", "surface.ply", "model.safetensors"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    clear(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["model.safetensors"]
 
 
 @pytest.mark.parametrize("damage", ["gone", "cut", "failed"])

@@ -88,6 +88,10 @@ def test_fields_of_a_cloud_that_are_no_coordinates(tmp_path):
         each["z"] |= changes
         return [made.make("sensor_msgs/PointField", name, **values) for name, values in each.items()]
 
+    with bag(tmp_path / "unset.bag") as made:  # a count of 0 is that of a writer who never set it
+        made.transform("/tf", 0, "map", "lidar", ((0, 0, 0), turned(0)))
+        made.cloud("/points", 0.0, "lidar", CLOUDS[0], fields=fields(made, count=0))
+    np.testing.assert_array_equal(read_bag(tmp_path / "unset.bag").points, CLOUDS[0])
     for number, (changes, message) in enumerate(
         [({"offset": 2**32 - 1}, "expected z as one number"), ({"datatype": 99}, "datatype 99"), ({"count": 10**9}, "count 1000000000")]
     ):

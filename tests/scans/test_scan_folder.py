@@ -44,6 +44,17 @@ def test_a_files_own_origin_comes_first(tmp_path):
     np.testing.assert_allclose(read_scan_folder(tmp_path, "hdl64").origins, np.broadcast_to(expected, POINTS.shape), rtol=0, atol=1e-12)
 
 
+def test_an_origin_that_is_the_poses_place_is_one_in_the_map(tmp_path):
+    """ROS's `pointcloud_to_pcd` leaves points in the sensor's frame and says where that is in a fixed one."""
+    poses = np.tile(np.eye(3, 4), (3, 1, 1))
+    poses[:, :, 3] = np.arange(3)[:, None] * [3.0, 1.0, 0.0]
+    places = iter(poses[:, :, 3])
+    write_drive(tmp_path, SCANS, poses, "{}.pcd", lambda path, points: write_pcd(path, points, viewpoint=(*next(places), 1, 0, 0, 0)))
+    with pytest.warns(UserWarning, match="2 scans say that they were taken where poses.txt places them"):
+        scans = read_scan_folder(tmp_path)
+    np.testing.assert_allclose(scans.origins, poses[scans.scan, :, 3], rtol=0, atol=1e-12)
+
+
 @pytest.mark.parametrize("poses", [2, 4])
 def test_both_counts_are_named(tmp_path, poses):
     write_drive(tmp_path, SCANS, random_poses(poses))

@@ -45,7 +45,9 @@ def test_what_a_sweep_varies_may_differ_and_what_it_needs_equal_may_not(tmp_path
 
 def test_other_data_and_networks_beside_the_same_sites_and_a_broken_job_are_fine(tmp_path):
     two(tmp_path, lambda c: c["data"].update(other="1234", checkpoint="5678"))
-    put(tmp_path, "c-seed0", {"nearest": [0.1, 0.2]}, about={"data": {"checkpoint": "9999"}})
+    named = {"checkpoint": "9999", "mapper.cvae-hm.reconstructor": "9999"}
+    put(tmp_path, "c-seed0", {"nearest": [0.1, 0.2]}, about={"data": named})
+    put(tmp_path, "e-seed0", {"nearest": [0.1, 0.2]}, about={"data": named | {"mapper.cvae-hm.reconstructor": "8888"}})
     put_failed(tmp_path, "d-seed0")
     put(tmp_path, "a-seed0/annex", {"nearest": [0.1, 0.2]}, site="annex")
     check_alike(read_sweep(tmp_path, "table1"))

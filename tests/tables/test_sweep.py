@@ -80,6 +80,11 @@ def test_no_folder_no_results_and_no_kind(tmp_path):
         (lambda c: c.pop("config"), "config: expected an object"),
         (lambda c: c.pop("packages"), "packages: expected an object"),
         (lambda c: c["packages"].pop("hilbertvae"), "packages.hilbertvae: missing"),
+        (lambda c: c.update(git="abc"), "git: expected an object, got 'abc'"),
+        (lambda c: c.update(host="x"), "host: expected an object, got 'x'"),
+        (lambda c: c.update(data=[1]), "data: expected an object, got [1]"),
+        (lambda c: c.update(stage_seconds=[1]), "stage_seconds: expected an object, got [1]"),
+        (lambda c: c.update(stage_seconds={"train": "long"}), "stage_seconds.train: expected a number, got 'long'"),
         (lambda c: c["config"].update(case=3), "config.case: expected text, got 3"),
         (lambda c: c["config"].update(seed="x"), "config.seed: expected a whole number, got 'x'"),
     ],
@@ -96,6 +101,15 @@ def test_a_job_that_broke_before_its_settings_were_known_is_a_failure_and_no_ref
     change(put_failed(tmp_path, "a-seed0"), lambda content: content["config"].update(seed="???", case=None))
     (run,) = read_sweep(tmp_path, "table1").runs
     assert run.case == "a" and "- failed: a-seed0, run: ValueError: no" in read_page(tmp_path, "table1").markdown()
+
+
+def test_a_site_that_a_jobs_last_run_did_not_score_is_no_row(tmp_path):
+    put(tmp_path, "a-seed0", {"nearest": [0.1, 0.2]}, about={"config_hash": "new"})
+    put(tmp_path, "a-seed0/annex", {"nearest": [0.3, 0.4]}, site="annex", about={"config_hash": "old"})
+    put(tmp_path, "a-seed0/hall", {"nearest": [0.3, 0.4]}, site="stairs", about={"config_hash": "new"})
+    sweep = read_sweep(tmp_path, "table1")
+    assert sweep.older == ["a-seed0/annex"] and sweep.sites() == ["hall", "stairs"]
+    assert "- left out: a-seed0/annex, which is of another run than its job" in sweep.troubles()
 
 
 def test_two_runs_of_one_cell(tmp_path):

@@ -51,6 +51,9 @@ def test_good_settings_pass():
         ({"trainer": TrainerSettings(threads=-1)}, "trainer.threads"),
         ({"clustering": ClusteringSettings(clusterings=0)}, "clustering.clusterings: expected a whole number of at least 1, got 0"),
         ({"data": DataSettings(simulated=3, simulated_clusterings=0)}, "data.simulated_clusterings: expected a whole number"),
+        ({"data": DataSettings(simulated=-2)}, "data.simulated: expected a number from 0 on, got -2"),
+        ({"task": "clustering", "data": DataSettings(simulated=1, test=[])}, "data.test: expected a site whose returns are clustered"),
+        ({"trainer": TrainerSettings(accelerator="gpo")}, "trainer.accelerator: expected one of auto, cpu, gpu, cuda, mps, got 'gpo'"),
         ({"calibration_seeds": []}, "calibration_seeds: expected one or more different seeds from 0 on"),
         ({"calibration_seeds": [-1]}, "calibration_seeds"),
         ({"calibration_occupied_weight": 0.0}, "calibration_occupied_weight: expected a positive number"),
@@ -73,6 +76,12 @@ def test_settings_that_make_no_run_are_named(change, message):
 def test_settings_of_parts_are_named_as_they_are_made(make, key):
     with pytest.raises(InputError, match=f"{key}: expected a number from 0 on"):
         make()
+
+
+@pytest.mark.parametrize("sizes", [[3.5], [3.5, 1.5], [0.0, 1.5]])
+def test_gaps_of_no_range(sizes):
+    with pytest.raises(InputError, match="clustering.gap_diameter_m: expected the smallest and the largest, or an empty list"):
+        ClusteringSettings(gap_diameter_m=sizes)
 
 
 def test_spellings_of_a_path_are_one_site(tmp_path, monkeypatch):

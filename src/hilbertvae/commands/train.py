@@ -25,7 +25,7 @@ from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSett
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.reconstruction.shipped import checkpoint_path
-from hilbertvae.reports.run_state import forget, is_finished, write_failure
+from hilbertvae.reports.run_state import clear, forget, is_finished, was_trained, write_failure
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.signals import stopped_by_signals
 from hilbertvae.site import open_site, site_name
@@ -89,10 +89,10 @@ def run(settings: Settings, again: bool = True) -> int:
     if not again:
         names = [site_name(site) for site in data.test]
         with contextlib.suppress(InputError, OSError):  # what can't be read is told below, and is not finished
-            if is_finished(settings.output, names, _identity(settings)):
+            if is_finished(settings.output, names, _identity(settings), settings.pictures):
                 print(f"{settings.output}: finished before")
                 return 0
-        forget(settings.output, names)
+        forget(settings.output)
     # Late: a sweep that has nothing to do waits for none of it, and only a training for Lightning.
     from hilbertvae.commands.build import build_mappers
     from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -107,8 +107,10 @@ def run(settings: Settings, again: bool = True) -> int:
         settings.source().check(reference)
     reconstructor = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
     config, identity = asdict(settings), _identity(settings)
-    if reconstructor:  # what was scored, not what another network would have had
-        parts = {"network": reconstructor.network_settings, "grid": reconstructor.grid, "likelihood": reconstructor.likelihood}
+    named = {*_named_networks(settings).values()}
+    scored = reconstructor if reconstructor or training or len(named) != 1 else Reconstructor.load(*named)
+    if scored:  # what was scored, not what another network would have had
+        parts = {"network": scored.network_settings, "grid": scored.grid, "likelihood": scored.likelihood}
         config |= {name: asdict(part) for name, part in parts.items()}
     seeds = {"training": settings.seed, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
 
@@ -127,6 +129,8 @@ def run(settings: Settings, again: bool = True) -> int:
         if not first_rank():
             return 0
     else:
+        if not was_trained(settings.output):
+            clear(settings.output)
         score(settings, mappers, reconstructor, write)
     return write.close()
 
@@ -140,10 +144,15 @@ def _identity(settings: Settings) -> dict:
 
 def _given(settings: Settings) -> dict[str, str]:
     """The hashes of the networks that a run takes instead of training one: its own, and those that mappers name."""
-    named = {f"mapper.{name}.reconstructor": one.get("reconstructor") for name, one in settings.mapper.items() if isinstance(one, dict)}
-    networks = {"checkpoint": settings.checkpoint, **{key: name for key, name in named.items() if name not in (None, TRAINED)}}
+    networks = {"checkpoint": settings.checkpoint, **_named_networks(settings)}
     paths = {key: checkpoint_path(name) for key, name in networks.items() if isinstance(name, str)}
     return {key: file_sha256(path) for key, path in paths.items() if path.is_file()}  # one that is missing is named where it is loaded
+
+
+def _named_networks(settings: Settings) -> dict[str, str]:
+    """The networks that mappers name instead of taking the run's, by key."""
+    named = {f"mapper.{name}.reconstructor": one.get("reconstructor") for name, one in settings.mapper.items() if isinstance(one, dict)}
+    return {key: name for key, name in named.items() if name not in (None, TRAINED)}
 
 
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")

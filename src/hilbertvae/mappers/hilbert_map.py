@@ -47,7 +47,7 @@ class HilbertMap(GrowingMapper):
     flips: symmetries over which a reconstruction is averaged, 1, 2, 4 or 8; `FLIPS` of the dimension unless given.
     fill: without, there are no grids, and the map has what was observed alone.
     evidence: whether what was observed in a query's voxel is added; the paper's own map knows only its grids.
-    grid, resolution_m: as the network was trained, unless given; without one, boxes of some 6.4 m and cells of `resolution_m`, 0.1 m or 0.2 m.
+    grid, resolution_m: as the network was trained, unless given; without one, boxes of some 6.4 m and cells that are voxels.
     adapt_steps: for how many steps the network goes on learning from the site itself in `fit`, from gaps cut for that (`adaptation.py`).
         100 take half a minute to three in 2D, by processor; 0, the default, leaves it as it is.
     """

@@ -27,7 +27,7 @@ from hilbertvae.reports.mesh_tab import add_surface
 from hilbertvae.reports.paper_table import paper_table
 from hilbertvae.reports.provenance import git_state, provenance
 from hilbertvae.reports.result_json import write_result
-from hilbertvae.reports.run_state import site_folder
+from hilbertvae.reports.run_state import PICTURES, SURFACE, TENSORBOARD, site_folder
 from hilbertvae.reports.score_pictures import precision_recall_picture, reliability_picture
 from hilbertvae.reports.score_table import markdown_scores, print_scores
 from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
@@ -91,17 +91,17 @@ class Report:
         print_scores(result, Console())
         figures, surface = self._figures(result, site, mappers) if self.pictures and result.scores else ({}, None)
         for tag, figure in figures.items():
-            save_picture(figure, folder / "pictures" / f"{tag}.png")
-        with SummaryWriter(str(self.folder / "tensorboard")) as writer:
+            save_picture(figure, folder / PICTURES / f"{tag}.png")
+        with SummaryWriter(str(self.folder / TENSORBOARD)) as writer:
             if not self.written[1:]:
                 write_hparams(writer, self.config, result)
             write_tensorboard(writer, result, {f"{site.name}/{tag}": figure for tag, figure in figures.items()}, self.config)
             if surface and len(surface):
-                write_ply(folder / "surface.ply", surface, surface_colours(surface, site.ground))
+                write_ply(folder / SURFACE, surface, surface_colours(surface, site.ground))
                 add_surface(writer, f"{site.name}/surface", surface, ground=site.ground)
         self.failed.update({f"{name} on {site.name}": why for name, why in result.failed.items()})
         if figures:
-            print(f"Pictures: {folder / 'pictures'}")
+            print(f"Pictures: {folder / PICTURES}")
 
     def _figures(self, result: Result, site: Site, mappers: Mapping[str, Mapper]) -> tuple[dict[str, Figure], Surface | None]:
         """Pictures by name, and in 3D the surface of our map, or of a rival's where ours is not there."""

@@ -50,9 +50,9 @@ def read_result(path: str | os.PathLike) -> tuple[Result, dict]:
             raise InputError(f"{path}: {key}: expected {_words(kind)}, got {content[key]!r:.60}")
     if content["status"] not in STATUSES:
         raise InputError(f"{path}: status: expected ok or failed, got {content['status']!r}")
-    _check_scores(path, content["scores"], len(content["gap_seeds"]))
-    values = {key: content.pop(key) for key in KEYS}
-    values["maps"] = content.pop("maps", {})  # results of 2026-11-20 and before have none
+    maps = content.pop("maps", {})  # results of 2026-11-20 and before have none
+    _check_contents(path, content, maps)
+    values = {key: content.pop(key) for key in KEYS} | {"maps": maps}
     del values["status"]  # follows from `failed`
     return Result(**values), content
 
@@ -61,11 +61,24 @@ def _words(kind) -> str:
     return {str: "text", int: "a whole number", (int, float): "a number", list: "a list", dict: "an object"}[kind]
 
 
-def _check_scores(path: Path, scores: dict, seeds: int) -> None:
-    """Each of scores[mapper][reading][region][metric] must be a list with one finite number per gap seed."""
-    for where, values in _leaves(path, scores, "scores", depth=4):
-        if not isinstance(values, list) or len(values) != seeds or not all(_is_number(value) for value in values):
-            raise InputError(f"{path}: {where}: expected {seeds} numbers, one per gap seed, got {values!r:.60}")
+def _check_contents(path: Path, content: dict, maps: object) -> None:
+    """Each of scores[mapper][reading][region][metric] must be a list with one finite number per gap seed, and so on."""
+    seeds = content["gap_seeds"]
+    if content["scores"] and not all(isinstance(seed, int) and not isinstance(seed, bool) for seed in seeds):
+        raise InputError(f"{path}: gap_seeds: expected whole numbers, got {seeds!r:.60}")
+    for where, values in _leaves(path, content["scores"], "scores", depth=4):
+        if not _are_numbers(values) or len(values) != len(seeds):
+            raise InputError(f"{path}: {where}: expected {len(seeds)} numbers, one per gap seed, got {values!r:.60}")
+    for name, lists in (("seconds", content["seconds"]), ("maps", maps)):
+        for where, values in _leaves(path, lists, name, depth=2):
+            if not _are_numbers(values):
+                raise InputError(f"{path}: {where}: expected a list of numbers, got {values!r:.60}")
+    for reading, best in content["ceiling"].items():
+        if not isinstance(best, dict) or not all(_is_number(best.get(key)) for key in ("precision", "recall")):
+            raise InputError(f"{path}: ceiling.{reading}: expected precision and recall, got {best!r:.60}")
+    for name, why in content["failed"].items():
+        if not isinstance(why, str):
+            raise InputError(f"{path}: failed.{name}: expected text, got {why!r:.60}")
 
 
 def _leaves(path: Path, node, where: str, depth: int):
@@ -76,6 +89,10 @@ def _leaves(path: Path, node, where: str, depth: int):
         raise InputError(f"{path}: {where}: expected an object, got {node!r:.60}")
     for key, below in node.items():
         yield from _leaves(path, below, f"{where}.{key}", depth - 1)
+
+
+def _are_numbers(values) -> bool:
+    return isinstance(values, list) and all(_is_number(value) for value in values)
 
 
 def _is_number(value) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from pathlib import Path
 
 from hilbertvae.checks import InputError
@@ -14,6 +15,12 @@ from hilbertvae.scoring.result import Result
 RUN = "run"
 """In the place of a mapper's name, in `failed`: the run broke, and not one mapper."""
 
+TRAINING = "training.json"
+"""What a training begun in a folder is of, by hashes."""
+
+TENSORBOARD, PICTURES, SURFACE = "tensorboard", "pictures", "surface.ply"
+"""What lies beside a `result.json`."""
+
 UNFINISHED = "unfinished"
 """The folder, in a run's own, of scores that are kept until it has written everything."""
 
@@ -23,9 +30,9 @@ def site_folder(folder: Path, site: str, first: bool) -> Path:
     return folder if first else folder / site.replace(":", "-")
 
 
-def is_finished(folder: str | Path, sites: list[str], identity: dict) -> bool:
-    """Whether each of `sites`, by name, has a result of the same settings, data and version in which no mapper failed, and nothing is left
-    to be written."""
+def is_finished(folder: str | Path, sites: list[str], identity: dict, pictures: bool = False) -> bool:
+    """Whether each of `sites`, by name, has a result of the same settings, data and version in which no mapper failed, with `pictures` if
+    they are asked for, and nothing is left to be written."""
     if (Path(folder) / UNFINISHED).exists():
         return False
     for number, site in enumerate(sites):
@@ -36,13 +43,28 @@ def is_finished(folder: str | Path, sites: list[str], identity: dict) -> bool:
             return False
         if result.failed or result.site != site or about.get("config_hash") != hash_of(identity):
             return False
+        if pictures and result.scores and not (path.parent / PICTURES).is_dir():
+            return False
     return bool(sites)
 
 
-def forget(folder: str | Path, sites: list[str]) -> None:
-    """Remove what an earlier run left: a sweep whose job is stopped half-way would otherwise count it as the job's."""
-    for number, site in enumerate(sites):
-        (site_folder(Path(folder), site, first=not number) / "result.json").unlink(missing_ok=True)
+def forget(folder: str | Path) -> None:
+    """Remove the results that an earlier run left, of all its sites: a sweep whose job is stopped half-way, or is of fewer sites now, would
+    otherwise count them as the job's."""
+    for result in [Path(folder) / "result.json", *Path(folder).glob("*/result.json")]:
+        result.unlink(missing_ok=True)
+
+
+def was_trained(folder: str | Path) -> bool:
+    """Whether a training wrote into this folder, whose curves are in its TensorBoard."""
+    return (Path(folder) / TRAINING).exists()
+
+
+def clear(folder: str | Path) -> None:
+    """Remove what else a scoring writes, where an earlier one was of another network: TensorBoard would show both as one run."""
+    for name in (TENSORBOARD, PICTURES):
+        shutil.rmtree(Path(folder) / name, ignore_errors=True)
+    (Path(folder) / SURFACE).unlink(missing_ok=True)
 
 
 def write_failure(folder: str | Path, config: dict, error: BaseException) -> Path:

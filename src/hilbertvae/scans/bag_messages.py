@@ -57,8 +57,8 @@ def read_column(message, name: str) -> np.ndarray:
             f"{len(data)} are there"
         )
     kind = np.dtype(NUMBER_TYPES.get(field.datatype, "V0")).newbyteorder(">" if message.is_bigendian else "<")
-    if kind.kind == "V" or field.count != 1 or field.offset + kind.itemsize > step:
-        raise InputError(
+    if kind.kind == "V" or field.count not in (0, 1) or field.offset + kind.itemsize > step:
+        raise InputError(  # a count of 0 is that of a writer who never set it
             f"expected {name} as one number within the {step} bytes of a point, got datatype {field.datatype}, count {field.count} "
             f"at byte {field.offset}"
         )

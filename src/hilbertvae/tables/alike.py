@@ -11,8 +11,8 @@ from hilbertvae.tables.sweep import UNCLEAN, Run, Sweep
 
 OWN = "hilbertvae"
 SITE = "site"
-NO_SITE = ("checkpoint",)
-"""Names among a run's data that are no site: a network may well differ from row to row."""
+NO_SITE = ("checkpoint", "mapper.")
+"""What names among a run's data begin with that are no site: a network may well differ from row to row."""
 
 
 class Made(Protocol):
@@ -53,7 +53,7 @@ def _facts(run: Run, same: tuple[str, ...]) -> Iterator[tuple[str, object]]:
     yield "gap_seeds", result.gap_seeds
     yield "gap_diameter_m", result.gap_diameter_m
     for name, digest in run.about.get("data", {}).items():
-        if name not in NO_SITE:
+        if not name.startswith(NO_SITE):
             yield f"data.{name}", digest
     for key in same:
         yield f"config.{key}", run.config(key)

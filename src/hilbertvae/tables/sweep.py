@@ -61,7 +61,7 @@ class Run:
 
     def stage_seconds(self, stage: str) -> list[float]:
         """Seconds of a stage of the run: `train`, `grids`, ..."""
-        found = self.about.get("stage_seconds", {}).get(stage)
+        found = self.about["stage_seconds"].get(stage)
         return [] if found is None else [float(found)]
 
     def failures(self) -> list[str]:
@@ -84,13 +84,15 @@ class Run:
 
 @dataclass
 class Sweep:
-    """All runs of a sweep. missing: jobs without a result. strangers: folders with results that are none of its jobs."""
+    """All runs of a sweep. missing: jobs without a result. strangers: folders with results that are none of its jobs. older: results of
+    sites that a job's last run did not score."""
 
     kind: str
     size: str | None
     runs: list[Run]
     missing: list[str] = field(default_factory=list)
     strangers: list[str] = field(default_factory=list)
+    older: list[str] = field(default_factory=list)
 
     @property
     def scored(self) -> list[Run]:
@@ -121,7 +123,8 @@ class Sweep:
         lines = [f"- missing: {job} has no result.json" for job in self.missing]
         for run in self.runs:
             lines += [f"- failed: {run.name}, {what}: {' '.join(message.split())}" for what, message in run.result.failed.items()]
-        return lines + [f"- left out: {name}, which is no job of this sweep" for name in self.strangers]
+        lines += [f"- left out: {name}, which is no job of this sweep" for name in self.strangers]
+        return lines + [f"- left out: {name}, which is of another run than its job" for name in self.older]
 
 
 def case_of(job: str) -> str:
@@ -176,15 +179,21 @@ def read_sweep(folder: Path, kind: str | None = None) -> Sweep:
             runs.append(_run(path, name))
     if not runs:
         raise InputError(f"{folder}: expected <job>/result.json, found none")
+    jobs_own = {run.job: run.about.get("config_hash") for run in runs if run.name == run.job}
+    older = [run for run in runs if run.about.get("config_hash") != jobs_own.get(run.job, run.about.get("config_hash"))]
     missing = sorted(set(jobs or ()) - {run.name for run in runs})
-    return Sweep(kind, size, runs, missing, strangers)
+    return Sweep(kind, size, [run for run in runs if run not in older], missing, strangers, [run.name for run in older])
 
 
 def _run(path: Path, name: str) -> Run:
     result, about = read_result(path)
-    for key in ("config", "packages"):
+    about |= {key: about.get(key) or {} for key in ("git", "host", "data", "stage_seconds")}  # not known everywhere
+    for key in ("config", "packages", "git", "host", "data", "stage_seconds"):
         if not isinstance(about.get(key), dict):
             raise InputError(f"{path}: {key}: expected an object, got {about.get(key)!r:.60}")
+    for stage, seconds in about["stage_seconds"].items():
+        if not isinstance(seconds, (int, float)):
+            raise InputError(f"{path}: stage_seconds.{stage}: expected a number, got {seconds!r:.60}")
     match = JOB.fullmatch(name.split("/")[0])
     case = about["config"].get("case") or case_of(name.split("/")[0])
     seed = about["config"].get("seed", int(match["seed"]) if match else None)

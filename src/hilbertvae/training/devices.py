@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import torch
 
+from hilbertvae.checks import InputError
 from hilbertvae.training.settings import Settings
 
 
@@ -12,6 +13,15 @@ def training_device(settings: Settings) -> str:
     accelerator = settings.trainer.accelerator
     on_gpu = accelerator in ("gpu", "cuda") or (accelerator == "auto" and torch.cuda.is_available())
     return "cuda" if on_gpu else "cpu"
+
+
+def check_accelerator(settings: Settings) -> None:
+    """An `InputError` for a `trainer.accelerator` that is not there."""
+    there = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available()}
+    there["gpu"] = any(there.values())  # Lightning's word for either
+    accelerator = settings.trainer.accelerator
+    if not there.get(accelerator, True):
+        raise InputError(f"trainer.accelerator: expected cpu or auto where torch finds none of this kind, got {accelerator!r}")
 
 
 def filling_device(settings: Settings) -> str:

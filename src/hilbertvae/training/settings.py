@@ -33,6 +33,7 @@ AFTERWARDS = (
 """Keys of what is done with a trained network, or where."""
 TRAINED = "trained"
 """What a mapper's `reconstructor` is set to when it takes the network of the run; any other text is a checkpoint's path."""
+ACCELERATORS = ("auto", "cpu", "gpu", "cuda", "mps")
 PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed", "bf16-true", "64-true")
 
 
@@ -190,9 +191,14 @@ class Settings:
         self.evaluation.check()
         if not self.data.train and not self.data.simulated:
             raise InputError("data.train: expected at least one site, or data.simulated buildings, got neither")
+        check_not_negative(self.data.simulated, "data.simulated")
+        if self.task == "clustering" and self.study.cloud == "returns" and not self.data.test:
+            raise InputError("data.test: expected a site whose returns are clustered, got none")
         extent = self.data.simulated_extent_m
         if len(extent) != 2 or not 6 <= extent[0] <= extent[1]:
             raise InputError(f"data.simulated_extent_m: expected two lengths from 6 on, the shorter first, got {extent}")
+        if self.trainer.accelerator not in ACCELERATORS:
+            raise InputError(f"trainer.accelerator: expected one of {', '.join(ACCELERATORS)}, got {self.trainer.accelerator!r}")
         if self.trainer.precision not in PRECISIONS:
             raise InputError(f"trainer.precision: expected one of {', '.join(PRECISIONS)}, got {self.trainer.precision!r}")
         check_roles([*self.data.train, *self.simulated_sites()], self.data.validate, self.data.test, self.data.calibrate)

@@ -14,6 +14,7 @@ import torch
 from lightning.pytorch.callbacks import LearningRateMonitor, TQDMProgressBar
 from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.plugins.environments import LightningEnvironment
+from lightning.pytorch.strategies import StrategyRegistry
 
 import hilbertvae
 from hilbertvae.checks import InputError
@@ -22,8 +23,9 @@ from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.blocks import bottom_cells
 from hilbertvae.reconstruction.precision import training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reports.run_state import TRAINING, clear
 from hilbertvae.training.checkpoints import AtomicCheckpoints, MovableCheckpoint, PatienceOnce
-from hilbertvae.training.devices import training_device
+from hilbertvae.training.devices import check_accelerator, training_device
 from hilbertvae.training.grids_datamodule import GridsDataModule
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
 from hilbertvae.training.kept_grids import GRID_SOURCES, code_hash
@@ -53,6 +55,9 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     that. Raises `InputError` for bad settings, and `FloatingPointError` for a loss that is not finite.
     """
     settings.check()
+    check_accelerator(settings)
+    if settings.trainer.strategy not in (known := ["auto", *StrategyRegistry.available_strategies()]):
+        raise InputError(f"trainer.strategy: expected one of {', '.join(known)}, got {settings.trainer.strategy!r}")
     output = Path(settings.output)
     use_threads(settings)
     if settings.trainer.initial:
@@ -64,6 +69,9 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     reconstructor = kept.take(checkpoint) if kept else None
     if reconstructor:
         print(f"{output}: its network was trained before and is kept as {kept.path}")
+        if _mark(output) != _made_of(settings):  # what lies here is of another network
+            clear(output)
+            write_json(output / TRAINING, _made_of(settings))
         score(settings, mappers or {}, reconstructor, write)
         return checkpoint
     try:
@@ -138,17 +146,26 @@ def _last_epoch(output: Path, settings: Settings) -> Path | None:
     A job whose network is kept is made anew instead, also after a change of the code: what it left is filed under the hash of both, and
     whoever changes a sweep's settings asks for other networks. A single run goes on over a change of the code, as a long one may have to.
     """
-    mark, checkpoints = output / "training.json", output / "checkpoints"
+    checkpoints, made_of = output / "checkpoints", _made_of(settings)
     last = checkpoints / "last.ckpt"
-    made_of = {"training_hash": training_hash(settings)} | ({"kept_name": kept_name(settings)} if settings.trained else {})
     if last.exists():
-        found = json.loads(mark.read_text()) if mark.exists() else {}
+        found = _mark(output)
         if all(found.get(key) == value for key, value in made_of.items()):
             return last
         if not settings.trained:
             raise InputError(f"output: {output} holds a run with other settings; choose another `name`, or remove the folder")
         print(f"{output}: was trained with other settings, or by other code; trained anew")
-        for left in (checkpoints, output / "tensorboard"):
-            shutil.rmtree(left, ignore_errors=True)
-    write_json(mark, made_of)
+        shutil.rmtree(checkpoints, ignore_errors=True)
+        clear(output)
+    write_json(output / TRAINING, made_of)
     return None
+
+
+def _made_of(settings: Settings) -> dict[str, str]:
+    return {"training_hash": training_hash(settings)} | ({"kept_name": kept_name(settings)} if settings.trained else {})
+
+
+def _mark(output: Path) -> dict:
+    """What the last training in a folder was of; nothing where there was none."""
+    path = output / TRAINING
+    return json.loads(path.read_text()) if path.exists() else {}
