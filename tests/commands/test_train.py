@@ -167,7 +167,8 @@ class TestEveryConfiguration:
         network = tiny_reconstructor()
         path = network.save(tmp_path / "tiny.safetensors")
         (tmp_path / "run/pictures").mkdir(parents=True)
-        (tmp_path / "run/pictures/old.png").write_text("")
+        for left in ("pictures/old.png", "result.json"):
+            (tmp_path / "run" / left).write_text("")
         settings = fast(
             tmp_path, "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false", f"mapper.cvae-hm.reconstructor={path}",
             "+mapper.cvae-hm.weights=unit",

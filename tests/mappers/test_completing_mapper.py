@@ -6,7 +6,8 @@ from hilbertvae.checks import InputError
 from hilbertvae.mappers import completing_mapper
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.saved_map import load_map, save_map
-from toy_rooms import tiny_grid, tiny_reconstructor
+from hilbertvae.site import Site
+from toy_rooms import box_room, tiny_grid, tiny_reconstructor
 
 
 def fit(mapper, cloud):
@@ -109,3 +110,12 @@ def test_a_site_too_small_to_cut_gaps_from_leaves_the_network_as_it_is():
         mapper = HilbertMap(network, adapt_steps=2).fit(points, occupied)
     assert mapper.adapted_ is network
     np.testing.assert_array_equal(mapper.predict_proba(points), HilbertMap(network).fit(points, occupied).predict_proba(points))
+
+
+@pytest.mark.parametrize("resolution_m", [None, 0.4])
+def test_raw_grids_have_cells_as_large_as_voxels(resolution_m):
+    """A street's voxels are of 0.2 m; in cells of 0.1 m seven of eight would stay unknown."""
+    cloud = box_room().select(np.s_[::7])
+    site = Site("room", cloud, resolution_m or 0.2)
+    mapper = fit(HilbertMap(evidence=False, resolution_m=resolution_m), site.fit)
+    assert mapper.grid_.cell_m == mapper.evidence_.resolution_m == site.resolution_m

@@ -16,9 +16,8 @@ from hilbertvae.mappers import evidence, hilbert_map
 from hilbertvae.mappers import mapper as mapper_module
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.hilbert_map import HilbertMap
-from hilbertvae.site import Site
 from hilbertvae.voxel_votes import voxel_index
-from toy_rooms import box_room, tiny_grid
+from toy_rooms import tiny_grid
 
 
 @pytest.fixture(scope="module", params=["reconstructed", "raw", "cluster"])
@@ -297,12 +296,3 @@ def test_what_answers_are_looked_up_with_is_made_once_whatever_the_threads(room,
     monkeypatch.setattr(mapper_module, "cores", lambda: 8)
     mapper.predict_proba(queries)
     assert sorted(made) == ["FrameIndex", "cKDTree", "cKDTree"]
-
-
-@pytest.mark.parametrize("resolution_m", [None, 0.4])
-def test_raw_grids_have_cells_as_large_as_voxels(resolution_m):
-    """A street's voxels are of 0.2 m; in cells of 0.1 m seven of eight would stay unknown."""
-    cloud = box_room().select(np.s_[::7])
-    site = Site("room", cloud, resolution_m or 0.2)
-    mapper = fit(HilbertMap(evidence=False, resolution_m=resolution_m), site.fit)
-    assert mapper.grid_.cell_m == mapper.evidence_.resolution_m == site.resolution_m

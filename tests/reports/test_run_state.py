@@ -7,7 +7,7 @@ from reports_toys import result
 from hilbertvae.checks import InputError
 from hilbertvae.reports.provenance import provenance
 from hilbertvae.reports.result_json import read_result, write_result
-from hilbertvae.reports.run_state import RUN, UNFINISHED, clear, forget, is_finished, site_folder, write_failure
+from hilbertvae.reports.run_state import RUN, TRAINING, UNFINISHED, clear, forget, is_finished, site_folder, was_scored_alone, write_failure
 
 IDENTITY = {"training": "abc"}
 
@@ -57,6 +57,13 @@ def test_all_results_of_a_folder_are_forgotten_and_nothing_else(finished):
     (folder / "model.safetensors").write_text("")
     forget(folder)
     assert sorted(path.name for path in folder.rglob("*")) == ["elsewhere", "model.safetensors", "scores.md"]
+
+
+def test_a_folder_that_was_scored_into_alone(finished):
+    folder, _ = finished
+    assert was_scored_alone(folder) and not was_scored_alone(folder / "of-somebody-else")
+    (folder / TRAINING).write_text("{}")
+    assert not was_scored_alone(folder)
 
 
 def test_what_shows_an_earlier_scoring_is_cleared(tmp_path):

@@ -30,6 +30,17 @@ def test_maps_are_filled_where_networks_train(tmp_path, monkeypatch, accelerator
     assert filling_device(replace(settings, device="cpu")) == "cpu"
 
 
+@pytest.mark.parametrize("wrong", [{"accelerator": "gpu"}, {"accelerator": "cuda"}, {"strategy": "dpp"}])
+def test_where_nothing_can_train(tmp_path, monkeypatch, wrong):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr(torch.backends.mps, "is_available", lambda: False)
+    settings = tiny_settings(tmp_path / "run", tmp_path)
+    (key,) = wrong
+    with pytest.raises(InputError, match=f"trainer.{key}: expected"):
+        train(replace(settings, trainer=replace(settings.trainer, **wrong)))
+    assert not (tmp_path / "run").exists()
+
+
 def test_weights_and_scores_are_found_on_the_device_of_the_run(tmp_path, monkeypatch):
     """`cpu:0` is the CPU under a name that no default has."""
     asked = []

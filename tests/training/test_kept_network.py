@@ -49,6 +49,17 @@ def test_another_training_is_another_network(first, tmp_path):
     assert any(not torch.equal(*pair) for pair in zip(*(state.values() for state in states), strict=True))
 
 
+def test_a_kept_network_takes_the_place_of_one_that_was_trained_there(first, tmp_path):
+    """Else its folder would go on from the other's last epoch once nothing is kept any more."""
+    settings, path = first
+    output = tmp_path / "job"
+    train(replace(settings, output=str(output), seed=2))
+    assert (output / "checkpoints/last.ckpt").exists() and list((output / "tensorboard").iterdir())
+    assert train(replace(settings, output=str(output))).read_bytes() == path.read_bytes()
+    assert not (output / "checkpoints").exists() and not (output / "tensorboard").exists()
+    assert (output / "training.json").read_bytes() == (path.parent / "training.json").read_bytes()
+
+
 def test_what_is_done_afterwards_or_elsewhere_does_not_name_a_network(first):
     settings, _ = first
     for changes in ({"name": "x"}, {"case": "x"}, {"size": "full"}, {"pictures": True}, {"trained": None}, {"scoring_processes": 2}):

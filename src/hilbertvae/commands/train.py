@@ -25,7 +25,7 @@ from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSett
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.reconstruction.shipped import checkpoint_path
-from hilbertvae.reports.run_state import clear, forget, is_finished, was_trained, write_failure
+from hilbertvae.reports.run_state import clear, forget, is_finished, was_scored_alone, write_failure
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.signals import stopped_by_signals
 from hilbertvae.site import open_site, site_name
@@ -85,7 +85,7 @@ def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
 
 def run(settings: Settings, again: bool = True) -> int:
     """Train if a mapper needs it, score all, write everything; the exit code. again: do so even if the results are there already."""
-    data = settings.data
+    data, other_scoring = settings.data, was_scored_alone(settings.output)
     if not again:
         names = [site_name(site) for site in data.test]
         with contextlib.suppress(InputError, OSError):  # what can't be read is told below, and is not finished
@@ -107,8 +107,9 @@ def run(settings: Settings, again: bool = True) -> int:
         settings.source().check(reference)
     reconstructor = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
     config, identity = asdict(settings), _identity(settings)
-    named = {*_named_networks(settings).values()}
-    scored = reconstructor if reconstructor or training or len(named) != 1 else Reconstructor.load(*named)
+    named, scored = {*_named_networks(settings).values()}, reconstructor
+    if not scored and not training and len(named) == 1:
+        scored = Reconstructor.load(*named)
     if scored:  # what was scored, not what another network would have had
         parts = {"network": scored.network_settings, "grid": scored.grid, "likelihood": scored.likelihood}
         config |= {name: asdict(part) for name, part in parts.items()}
@@ -129,7 +130,7 @@ def run(settings: Settings, again: bool = True) -> int:
         if not first_rank():
             return 0
     else:
-        if not was_trained(settings.output):
+        if other_scoring:
             clear(settings.output)
         score(settings, mappers, reconstructor, write)
     return write.close()
@@ -145,14 +146,14 @@ def _identity(settings: Settings) -> dict:
 def _given(settings: Settings) -> dict[str, str]:
     """The hashes of the networks that a run takes instead of training one: its own, and those that mappers name."""
     networks = {"checkpoint": settings.checkpoint, **_named_networks(settings)}
-    paths = {key: checkpoint_path(name) for key, name in networks.items() if isinstance(name, str)}
+    paths = {key: checkpoint_path(name) for key, name in networks.items() if name}
     return {key: file_sha256(path) for key, path in paths.items() if path.is_file()}  # one that is missing is named where it is loaded
 
 
 def _named_networks(settings: Settings) -> dict[str, str]:
     """The networks that mappers name instead of taking the run's, by key."""
     named = {f"mapper.{name}.reconstructor": one.get("reconstructor") for name, one in settings.mapper.items() if isinstance(one, dict)}
-    return {key: name for key, name in named.items() if name not in (None, TRAINED)}
+    return {key: name for key, name in named.items() if isinstance(name, str) and name != TRAINED}
 
 
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")

@@ -55,9 +55,9 @@ def forget(folder: str | Path) -> None:
         result.unlink(missing_ok=True)
 
 
-def was_trained(folder: str | Path) -> bool:
-    """Whether a training wrote into this folder, whose curves are in its TensorBoard."""
-    return (Path(folder) / TRAINING).exists()
+def was_scored_alone(folder: str | Path) -> bool:
+    """Whether an earlier run has scored into this folder, and none trained there, whose curves are in its TensorBoard."""
+    return (Path(folder) / "result.json").exists() and not (Path(folder) / TRAINING).exists()
 
 
 def clear(folder: str | Path) -> None:

@@ -179,8 +179,8 @@ def read_sweep(folder: Path, kind: str | None = None) -> Sweep:
             runs.append(_run(path, name))
     if not runs:
         raise InputError(f"{folder}: expected <job>/result.json, found none")
-    jobs_own = {run.job: run.about.get("config_hash") for run in runs if run.name == run.job}
-    older = [run for run in runs if run.about.get("config_hash") != jobs_own.get(run.job, run.about.get("config_hash"))]
+    own = {run.job: run.about.get("config_hash") for run in runs if run.name == run.job and run.scored}
+    older = [run for run in runs if run.job in own and run.about.get("config_hash") != own[run.job]]
     missing = sorted(set(jobs or ()) - {run.name for run in runs})
     return Sweep(kind, size, [run for run in runs if run not in older], missing, strangers, [run.name for run in older])
 

@@ -69,9 +69,8 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     reconstructor = kept.take(checkpoint) if kept else None
     if reconstructor:
         print(f"{output}: its network was trained before and is kept as {kept.path}")
-        if _mark(output) != _made_of(settings):  # what lies here is of another network
-            clear(output)
-            write_json(output / TRAINING, _made_of(settings))
+        if _mark(output) != _made_of(settings):
+            _begin_anew(output, settings)
         score(settings, mappers or {}, reconstructor, write)
         return checkpoint
     try:
@@ -146,8 +145,7 @@ def _last_epoch(output: Path, settings: Settings) -> Path | None:
     A job whose network is kept is made anew instead, also after a change of the code: what it left is filed under the hash of both, and
     whoever changes a sweep's settings asks for other networks. A single run goes on over a change of the code, as a long one may have to.
     """
-    checkpoints, made_of = output / "checkpoints", _made_of(settings)
-    last = checkpoints / "last.ckpt"
+    made_of, last = _made_of(settings), output / "checkpoints" / "last.ckpt"
     if last.exists():
         found = _mark(output)
         if all(found.get(key) == value for key, value in made_of.items()):
@@ -155,14 +153,20 @@ def _last_epoch(output: Path, settings: Settings) -> Path | None:
         if not settings.trained:
             raise InputError(f"output: {output} holds a run with other settings; choose another `name`, or remove the folder")
         print(f"{output}: was trained with other settings, or by other code; trained anew")
-        shutil.rmtree(checkpoints, ignore_errors=True)
-        clear(output)
-    write_json(output / TRAINING, made_of)
+    _begin_anew(output, settings)
     return None
 
 
 def _made_of(settings: Settings) -> dict[str, str]:
     return {"training_hash": training_hash(settings)} | ({"kept_name": kept_name(settings)} if settings.trained else {})
+
+
+def _begin_anew(output: Path, settings: Settings) -> None:
+    """What lies there of another network goes: its last epoch would be gone on from, and its curves be shown as this one's."""
+    if settings.trained or _mark(output):
+        shutil.rmtree(output / "checkpoints", ignore_errors=True)
+        clear(output)
+    write_json(output / TRAINING, _made_of(settings))
 
 
 def _mark(output: Path) -> dict:
