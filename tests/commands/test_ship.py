@@ -44,11 +44,24 @@ def test_maps_may_be_turned_and_read_otherwise_than_in_training(folder, trained)
     assert main(["2d", "--checkpoint", str(trained), "--rotation", "spread", "--interpolated"]) == 0
     first = Reconstructor.load("2d")
     assert (first.grid.frame.rotation, first.grid.interpolated) == ("spread", True)
-    assert "in frames turned as `spread`, read between cells." in (folder / "2d.md").read_text()
+    assert "in frames turned as `spread`, read between cells; in" in (folder / "2d.md").read_text()
     # What is packed already can be shipped again, to the bit.
     assert main(["2d", "--checkpoint", "2d"]) == 0
     again = Reconstructor.load("2d")
     assert again.fingerprint() == first.fingerprint() and again.weights == first.weights and again.grid == first.grid
+
+
+def test_where_the_cuts_on_points_lie_is_chosen_and_kept(folder, trained, capsys):
+    assert main(["2d", "--checkpoint", str(trained)]) == 0
+    first = Reconstructor.load("2d").weights
+    assert main(["2d", "--checkpoint", "2d", "--occupied-weight", "1.2"]) == 0
+    shy = Reconstructor.load("2d").weights
+    assert (first["points"]["occupied_weight"], shy["points"]["occupied_weight"]) == (2.0, 1.2)
+    assert shy["voxels"] == first["voxels"] and shy["points"] != first["points"]
+    assert "an occupied one counts for 1.2." in (folder / "2d.md").read_text()
+    assert main(["2d", "--checkpoint", "2d"]) == 0 and Reconstructor.load("2d").weights == shy
+    assert main(["2d", "--checkpoint", "2d", "--occupied-weight", "0"]) == 2
+    assert "--occupied-weight: expected a positive number" in capsys.readouterr().err and Reconstructor.load("2d").weights == shy
 
 
 def test_a_packed_network_says_nearly_the_same(folder, trained):

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_positive
 from hilbertvae.files import atomic
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.reconstruction.mean_weights import mean_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
-from hilbertvae.reports.card import calibrated_on, card_text
+from hilbertvae.reports.card import calibrated_on, card_text, learned_with
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.site import open_site
 from hilbertvae.training.settings import Settings
@@ -29,13 +29,19 @@ def ship(
     interpolated: bool = False,
     mean: bool = False,
     calibrate: Sequence[str] = (),
+    occupied_weight: float | None = None,
 ) -> Path:
     """Pack the network of `checkpoint`, learn its map's weights with it as packed, and write it where `load_mapper(name)` looks.
 
     rotation: of the frames of its maps (`FrameSettings`), if they shall be others than those of its training. interpolated: whether they
     are read between cells, whatever its training had. mean: take the mean of its weights and those of the network that is shipped as
-    `name` now, from which it was trained on. calibrate: the sites that the map's weights are learned on, if not those of its training."""
+    `name` now, from which it was trained on. calibrate: the sites that the map's weights are learned on, if not those of its training.
+    occupied_weight: what an occupied point counts for in the weights for points, which says where the cuts lie between precision and
+    recall; as in those that the checkpoint has, unless given."""
+    if occupied_weight is not None:
+        check_positive(occupied_weight, "--occupied-weight")
     trained = Reconstructor.load(checkpoint)
+    counted = {"occupied_weight": occupied_weight or learned_with(trained)}
     if mean:
         trained = mean_of(Reconstructor.load(name), trained)
     if rotation:
@@ -49,7 +55,7 @@ def ship(
     check_unseen(references, trained.card, "--calibrate", "the network")
     sites = [open_site(reference, trained.resolution_m, defaults.source()) for reference in references]
     mapper = HilbertMap(packed)
-    packed.weights = learn_rank_weights(mapper, sites, **defaults.calibration())
+    packed.weights = learn_rank_weights(mapper, sites, **defaults.calibration() | counted)
     packed.card = {**trained.card, "flips": mapper.flips_, "calibrated_on": references}
     return packed.save(checkpoint_path(name), packed=True)
 
@@ -72,12 +78,16 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--interpolated", action="store_true", help="its maps are read between cells (`grid.interpolated`)")
     parser.add_argument("--mean", action="store_true", help="the mean of its weights and those of the network it was trained on from, NAME")
     parser.add_argument("--calibrate", nargs="+", default=[], help="sites that its map's weights are learned on, if not as in its training")
+    parser.add_argument(
+        "--occupied-weight", type=float, help="what an occupied point counts for in weights for points, if not as in the checkpoint's own"
+    )
     parser.add_argument("--results", type=Path, nargs="*", default=[], help="result.json files that scored it, for its card")
     given = parser.parse_args(words)
     try:
         if given.checkpoint:
             print(f"{given.name}: its map's weights are learned")
-            print(ship(given.checkpoint, given.name, given.rotation, given.interpolated, given.mean, given.calibrate))
+            how = (given.rotation, given.interpolated, given.mean, given.calibrate, given.occupied_weight)
+            print(ship(given.checkpoint, given.name, *how))
         print(write_card(given.name, given.results))
     except (InputError, OSError) as error:
         print(f"hilbertvae-ship: {error}", file=sys.stderr)
