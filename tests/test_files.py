@@ -34,6 +34,19 @@ def test_the_file_gets_the_usual_rights_not_those_of_a_temporary_one(tmp_path):
     assert os.stat(path).st_mode == os.stat(ordinary).st_mode
 
 
+def test_links_to_nothing_to_themselves_and_odd_names(tmp_path):
+    folder = tmp_path / "drive"
+    folder.mkdir()
+    (folder / "0.bin").write_bytes(b"x")
+    first = folder_sha256(folder)
+    (folder / "images").symlink_to(tmp_path / "nowhere")
+    (folder / "latest").symlink_to(folder)
+    assert folder_sha256(folder) == first
+    with open(os.fsencode(folder) + b"/\xff.bin", "wb"):
+        pass
+    assert folder_sha256(folder) != first
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 def test_json_without_numbers_that_json_lacks(tmp_path, value):
     with pytest.raises(ValueError, match="JSON"):

@@ -145,6 +145,9 @@ def test_nothing_to_put_gaps_around():
         random_gaps(cloud, 2.5, 0.1, seed=0)
     with pytest.raises(InputError, match="diameter_m: expected a positive number"):
         random_gaps(Cloud(cloud.points, ~cloud.occupied, cloud.weight), 0.0, 0.1, seed=0)
+    for resolution_m in (0.0, np.nan):
+        with pytest.raises(InputError, match="resolution_m: expected a positive number"):
+            random_gaps(Cloud(cloud.points, ~cloud.occupied, cloud.weight), 2.5, resolution_m, seed=0)
 
 
 @pytest.mark.parametrize("diameter_m", [(1.5,), (3.5, 1.5), (1.0, 2.0, 3.0)])

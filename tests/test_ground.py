@@ -55,7 +55,12 @@ def test_tiles_without_returns_and_points_beyond_take_the_nearest_height():
 
 @pytest.mark.parametrize(
     ("returns", "words"),
-    [(np.zeros((0, 3)), "at least one"), (np.zeros((5, 2)), r"\(N, 3\)"), ([[0, 0, 0], [1e9, 1e9, 0]], "outlier")],
+    [
+        (np.zeros((0, 3)), "at least one"),
+        (np.zeros((5, 2)), r"\(N, 3\)"),
+        ([[0, 0, 0], [1e9, 1e9, 0]], "outlier"),
+        ([[0, 0, 0], [1e30, 3e9, 0]], "outlier"),
+    ],
 )
 def test_bad_returns(returns, words):
     with pytest.raises(InputError, match=words):

@@ -114,6 +114,7 @@ def test_what_is_remembered_is_made_once(room):
     [
         ("simulated:", "expected simulated:<seed>"),
         ("simulated:-1", "expected simulated:<seed>"),
+        ("simulated:²", "expected simulated:<seed>"),
         ("intell", "'intell': not in the catalogue"),
         ("attic.log", "attic.log: no such file"),
     ],

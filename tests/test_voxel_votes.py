@@ -19,6 +19,14 @@ def test_an_outlier_is_named_before_its_beam_is_sampled():
         voxel_votes(flat, 0.5)
 
 
+@pytest.mark.parametrize("far_m", [1e17, 1e18, -1e19, 1e200])
+def test_outliers_beyond_whole_numbers_are_named(far_m):
+    number = np.arange(2, dtype=np.int32)
+    for points in ([[1.0, 0], [far_m, 0]], [[far_m, 0], [far_m, 0]]):
+        with pytest.raises(InputError, match="too large for voxels of 0.1 m; is there an outlier"):
+            voxel_votes(Scans(points, points, number, number), 0.1)
+
+
 def test_a_map_can_tell_apart_as_many_voxels_as_votes_are_made_of():
     for dimension, most in MOST_ALONG.items():
         assert most == 1 << (KEY_BITS[dimension] - 1 + BITS[dimension])

@@ -95,8 +95,9 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
         origins = check_points(origins, "origins", dimension=np.shape(points[0])[1])
         if len(origins) != len(points):
             raise InputError(f"origins: expected one per scan ({len(points)}), got {len(origins)}")
-        scan = np.repeat(np.arange(len(points), dtype=np.int32), [len(p) for p in points])
-        points = np.concatenate([check_points(p, "points", dimension=origins.shape[1], allow_empty=True) for p in points])
+        points = [check_points(p, f"points[{k}]", dimension=origins.shape[1], allow_empty=True) for k, p in enumerate(points)]
+        scan = np.repeat(np.arange(len(points), dtype=np.int32), list(map(len, points)))
+        points = np.concatenate(points)
         origins = origins[scan]
     else:
         points = check_points(points, "points")

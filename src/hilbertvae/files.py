@@ -22,7 +22,7 @@ def atomic(path: str | os.PathLike) -> Iterator[Path]:
     temporary = Path(name)
     try:
         yield temporary
-        with open(temporary, "rb") as written:
+        with open(temporary, "r+b") as written:  # Windows refuses fsync of what is read alone
             os.fsync(written.fileno())
         os.chmod(temporary, 0o666 & ~_umask())
         os.replace(temporary, path)
@@ -56,12 +56,20 @@ def file_sha256(path: str | os.PathLike) -> str:
 
 
 def folder_sha256(folder: str | os.PathLike) -> str:
-    """The sha256, in hex, of the names and hashes of all files below a folder, in linked folders too; hidden files don't count."""
-    folder = Path(folder)
-    found = (Path(place) / name for place, _, names in os.walk(folder, followlinks=True) for name in names)
-    files = sorted(path for path in found if not path.name.startswith("."))
-    lines = (f"{path.relative_to(folder).as_posix()} {file_sha256(path)}\n" for path in files)
-    return hashlib.sha256("".join(lines).encode()).hexdigest()
+    """The sha256, in hex, of the names and hashes of all files below a folder, in linked folders too, each of these once; hidden files and
+    links to nothing don't count."""
+    folder, found = Path(folder), []
+    seen = {os.path.realpath(folder)}
+    for place, folders, names in os.walk(folder, followlinks=True):
+        folders[:] = [name for name in sorted(folders) if not _seen(os.path.join(place, name), seen)]
+        found += [Path(place) / name for name in names if not name.startswith(".") and os.path.isfile(os.path.join(place, name))]
+    lines = (f"{path.relative_to(folder).as_posix()} {file_sha256(path)}\n" for path in sorted(found))
+    return hashlib.sha256("".join(lines).encode(errors="surrogateescape")).hexdigest()
+
+
+def _seen(folder: str, seen: set[str]) -> bool:
+    real = os.path.realpath(folder)
+    return real in seen or bool(seen.add(real))
 
 
 def path_sha256(path: str | os.PathLike) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hilbertvae.bucket_index import BucketIndex
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_cell_m, check_positive
 from hilbertvae.cloud import Cloud
 from hilbertvae.voxel_votes import voxel_index
 
@@ -114,6 +114,7 @@ def random_gaps(
     if len(sizes) != 2 or sizes[0] > sizes[1]:
         raise InputError(f"gap diameters: expected one in metres, or the smallest and the largest, got {diameter_m}")
     low, high = (check_positive(size, "diameter_m") for size in sizes)
+    check_cell_m(resolution_m, "resolution_m")
     if not cloud.occupied.any():
         raise InputError("cloud: expected occupied points to put gaps around, got none")
     rng = np.random.default_rng(seed)

@@ -40,10 +40,13 @@ def find_ground(returns: np.ndarray) -> Ground:
     """
     returns = check_points(returns, "returns", dimension=3)
     low = returns[:, :2].min(axis=0)
+    with np.errstate(over="ignore"):
+        extent = returns[:, :2].max(axis=0) - low
+        tiles = np.prod(extent / TILE_M + 1)
+    if tiles > MOST_TILES:  # whole numbers would wrap
+        raise InputError(f"returns: extent {extent.tolist()} m is too large for tiles of {TILE_M} m; is there an outlier?")
     tile = np.floor((returns[:, :2] - low) / TILE_M).astype(np.int64)
     shape = tile.max(axis=0) + 1
-    if shape.prod() > MOST_TILES:
-        raise InputError(f"returns: extent {(shape * TILE_M).tolist()} m is too large for tiles of {TILE_M} m; is there an outlier?")
     key = np.ravel_multi_index(tuple(tile.T), tuple(shape))
     order = np.lexsort([returns[:, 2], key])
     found, start, count = np.unique(key[order], return_index=True, return_counts=True)

@@ -138,7 +138,7 @@ class SiteSource:
     def check(self, reference: str) -> None:
         """Whether `scans` can start on a reference, before anything long is begun; fetches what is to be fetched."""
         if reference.startswith(SIMULATED):
-            if not reference.removeprefix(SIMULATED).isdigit():
+            if not reference.removeprefix(SIMULATED).isdecimal():
                 raise InputError(f"site {reference!r}: expected simulated:<seed>, a whole number")
         elif is_scan_path(reference):
             self.scans(reference)  # there is no other way to know

@@ -10,13 +10,11 @@ import numpy as np
 from scipy import ndimage
 
 from hilbertvae.checks import InputError, check_points, check_positive
-from hilbertvae.voxel_votes import voxel_index
+from hilbertvae.voxel_votes import FARTHEST, voxel_index
 
 SIDE = {2: 256, 3: 32}
 """Voxels along a block's side, by dimension."""
 POINTS_AT_ONCE = 1_000_000
-FARTHEST = 2.0**44
-"""Voxels from the origin; beyond, centres of voxels would lose their digits."""
 
 Key = tuple[int, ...]
 Blocks = dict[Key, np.ndarray]

@@ -16,6 +16,8 @@ MOST_ALONG = {2: 2**34, 3: 2**22}
 """Voxels along an axis: as many as a map's bricks tell apart (`mappers/voxel_bricks.py`)."""
 MOST_SAMPLES = 1e6
 """Of one beam, whose samples lie in memory at once: 100 km in cells of 0.1 m."""
+FARTHEST = 2.0**44
+"""Voxels from the origin; beyond, centres of voxels would lose their digits."""
 BYTES_A_VOXEL = 1000
 """What a voxel seen takes at the least, at the worst moment on its way into a map."""
 
@@ -66,10 +68,14 @@ def voxel_votes(scans: Scans, resolution_m: float) -> VoxelVotes:
     # Means are taken relative to the corner: with UTM coordinates a sum of thousands would lose digits.
     low = np.minimum(scans.points.min(axis=0), scans.origins.min(axis=0))
     high = np.maximum(scans.points.max(axis=0), scans.origins.max(axis=0))
+    with np.errstate(over="ignore"):
+        across, farthest = (high - low) / resolution_m + 2, np.abs([low, high]).max()
+        voxels = np.prod(across)
+    if voxels > 2**62 or across.max() > MOST_ALONG[scans.dimension] or farthest / resolution_m > FARTHEST:  # whole numbers would wrap
+        where = f"extent {(high - low).tolist()} m, up to {farthest:.6g} m from 0,"
+        raise InputError(f"scans: {where} is too large for voxels of {resolution_m} m; is there an outlier?")
     first = voxel_index(low, resolution_m)
     shape = voxel_index(high, resolution_m) - first + 1
-    if np.prod(shape.astype(float)) > 2**62 or shape.max() > MOST_ALONG[scans.dimension]:
-        raise InputError(f"scans: extent {(high - low).tolist()} m is too large for voxels of {resolution_m} m; is there an outlier?")
     longest = float(np.sqrt(np.square(scans.points - scans.origins).sum(axis=1).max()))
     if longest / resolution_m > MOST_SAMPLES:
         raise InputError(f"scans: a beam of {longest:.6g} m is too long for voxels of {resolution_m} m; is there an outlier?")
@@ -106,6 +112,8 @@ def voxel_votes(scans: Scans, resolution_m: float) -> VoxelVotes:
 
 def _check_memory(voxels: int, resolution_m: float) -> None:
     """An `InputError` where so many voxels are more than this machine can hold, before the system ends the process without a word."""
+    if not hasattr(os, "sysconf"):  # Windows
+        return
     needed, there = voxels * BYTES_A_VOXEL, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > there:
         raise InputError(

@@ -11,6 +11,7 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.clusters.clusters import Clusters
 from hilbertvae.clusters.quick_means import quick_means
 from hilbertvae.gaps import random_gaps
+from hilbertvae.grids import frame
 from hilbertvae.grids.frame import CENTRES, ROTATIONS, SCALES, Frames, FrameSettings, cluster_frames
 
 CHOICES = list(itertools.product(CENTRES, ROTATIONS, SCALES))
@@ -166,6 +167,14 @@ def test_unturned_boxes_lie_on_the_lattice(place):
         np.testing.assert_allclose(side / 0.2, np.round(side / 0.2), atol=1e-6)
     seeds = clusters_of(place.fit).seeds
     assert np.abs(frames.centre - seeds).max() <= 0.1 + 1e-9
+
+
+@pytest.mark.parametrize("rotation", ["full", "yaw"])
+def test_portions_of_clusters_change_nothing(place, rotation, monkeypatch):
+    whole = frames_of(place.fit, "median", rotation, "extent")
+    monkeypatch.setattr(frame, "AT_ONCE", 3)
+    found = frames_of(place.fit, "median", rotation, "extent")
+    np.testing.assert_array_equal(found.rotation, whole.rotation)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -24,6 +24,25 @@ def test_select_takes_masks_and_indices(room):
         np.testing.assert_array_equal(getattr(by_mask, name), getattr(scans, name)[chosen])
 
 
+def test_what_is_given_otherwise_is_kept_as_what_it_says():
+    points = np.random.default_rng(0).uniform(0, 9, (300, 2))
+    exact = Scans(points, points + 1, np.arange(300, dtype=np.int32) // 100, np.arange(300, dtype=np.int32))
+    plain = Scans(points.tolist(), (points + 1).tolist(), exact.scan.tolist(), exact.beam.tolist())
+    narrow = Scans(points.astype(np.float32), points + 1, exact.scan.astype(np.uint8), exact.beam)
+    for found in (plain, narrow):
+        assert (found.points.dtype, found.origins.dtype, found.scan.dtype, found.beam.dtype) == (*[np.float64] * 2, *[np.int32] * 2)
+        np.testing.assert_allclose(found.points, points, rtol=1e-6)
+        np.testing.assert_array_equal(found.held_out(), exact.held_out())
+
+
+@pytest.mark.parametrize("numbers", [[0.5, 1.0], [np.nan, 1.0], [[0], [1]], ["a", "b"], [0, 2**31], [True, False]])
+@pytest.mark.parametrize("name", ["scan", "beam"])
+def test_numbers_that_are_none(name, numbers):
+    given = {"scan": [0, 0], "beam": [0, 1]} | {name: numbers}
+    with pytest.raises(InputError, match=f"scans.{name}: expected"):
+        Scans(np.zeros((2, 2)), np.zeros((2, 2)), **given)
+
+
 @pytest.mark.parametrize(
     ("points", "origins", "numbers", "message"),
     [

@@ -94,6 +94,7 @@ def test_the_car_hides_low_beams_ahead_and_behind_only(name):
         ({"start_heights_m": (0.0,)}, "lidar.start_heights_m"),
         ({"max_range_m": -1.0}, "lidar.max_range_m"),
         ({"range_noise_m": -1.0}, "lidar.range_noise_m"),
+        ({"nearest_m": 1000.0}, "lidar.nearest_m: expected less than max_range_m"),
         ({"miss_share": 2.0}, "lidar.miss_share"),
     ],
 )

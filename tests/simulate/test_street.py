@@ -107,13 +107,19 @@ def test_traffic_can_be_left_out(sim):
         ({"shortest_step_m": 0.0}, "street.shortest_step_m: expected a positive number"),
         ({"max_range_m": 2.0}, "street.max_range_m: expected more than nearest_m"),
         ({"max_range_m": float("inf")}, "street.max_range_m: expected a positive number"),
-        ({"pose_noise_m": -0.1}, "street.pose_noise_m: expected zero or a positive number"),
-        ({"range_noise_m": float("nan")}, "street.range_noise_m: expected zero or a positive number"),
+        ({"pose_noise_m": -0.1}, "street.pose_noise_m: expected a number from 0 on"),
+        ({"pose_noise_m": None}, "street.pose_noise_m: expected a number from 0 on"),
+        ({"range_noise_m": float("nan")}, "street.range_noise_m: expected a number from 0 on"),
     ],
 )
 def test_bad_settings_are_named(setting, message):
     with pytest.raises(InputError, match=message):
         StreetSettings(**setting)
+
+
+def test_returns_nearer_than_the_sensor_sees_are_asked_for(sim):
+    with pytest.raises(InputError, match=r"lidar.nearest_m: expected less than max_range_m \(.*\), got 500.0"):
+        simulate_street(StreetSettings(scans=1, nearest_m=500.0), 0)
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, None])

@@ -25,6 +25,10 @@ class Clusters:
     def __len__(self) -> int:
         return len(self.seeds)
 
+    def select(self, chosen: slice | np.ndarray) -> Clusters:
+        """The clusters at `chosen`."""
+        return Clusters(self.seeds[chosen], self._tree, self._outer_radius_m)
+
     @cached_property
     def sizes(self) -> np.ndarray:
         """(M,) how many points each has."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_positive, check_whole
 from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
 from hilbertvae.clusters.clusters import Clusters
 from hilbertvae.clusters.starts import check_start, find_clusters
@@ -43,8 +43,9 @@ class GridSettings:
         check_positive(self.cluster_diameter_m, "grid.cluster_diameter_m")
         check_positive(self.inner_radius_m, "grid.inner_radius_m")
         check_start(self.start, "grid.start")
-        if self.cells < 2:
+        if check_whole(self.cells, "grid.cells") < 2:
             raise InputError(f"grid.cells: expected at least 2, got {self.cells}")
+        check_whole(self.minimum_points, "grid.minimum_points")
         if self.inner_radius_m > self.cluster_diameter_m / 2:
             raise InputError(f"grid.inner_radius_m: expected at most half of cluster_diameter_m, got {self.inner_radius_m}")
         if not 0 < self.occupied_share <= 1:

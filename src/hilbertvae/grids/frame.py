@@ -21,6 +21,8 @@ SPREAD_DEG = np.array([0.0, 22.5, 45.0, 67.5])
 """A quarter turn is one of the symmetries that networks are trained with."""
 SPREAD_M = 1.0
 """Side of the squares whose seeds have one angle."""
+AT_ONCE = 256
+"""Clusters whose points lie in memory at a time: those of a drive's would be gigabytes."""
 
 
 @dataclass(frozen=True)
@@ -137,25 +139,30 @@ def _eigenvectors(clusters: Clusters, returns: np.ndarray, cloud: Cloud, diamete
     Each axis points towards the centroid of the free space around the seed, which a gap seldom changes; the one on which the
     centroid's side is least clear gives way where the rotation would otherwise be improper.
     """
-    segment, count, dimension = _segments(clusters), len(clusters), returns.shape[1]
+    free = BucketIndex(cloud.points[~cloud.occupied], diameter_m / 2)
+    rotation = np.tile(np.eye(returns.shape[1]), (len(clusters), 1, 1))
+    for start in range(0, len(clusters), AT_ONCE):
+        chosen = slice(start, start + AT_ONCE)
+        rotation[chosen, :axes, :axes] = _axes(clusters.select(chosen), returns, free, diameter_m / 2, axes)
+    return rotation
+
+
+def _axes(clusters: Clusters, returns: np.ndarray, free: BucketIndex, radius_m: float, axes: int) -> np.ndarray:
+    """(B, axes, axes), as columns."""
+    segment, count = _segments(clusters), len(clusters)
     members = returns[clusters.members][:, :axes]
     mean = _mean(members, segment, count)
     centred = members - mean[segment]
     covariance = _mean(centred[:, :, None] * centred[:, None, :], segment, count)
     vectors = np.linalg.eigh(covariance)[1][:, :, ::-1]
 
-    free = cloud.points[~cloud.occupied]
-    radius = diameter_m / 2
-    box, point = BucketIndex(free, radius).in_boxes(clusters.seeds - radius, clusters.seeds + radius)
-    near = np.linalg.norm(free[point] - clusters.seeds[box], axis=1) <= radius  # in all coordinates: not the sky above a street
-    side = np.einsum("md,mde->me", _mean(free[point[near], :axes] - mean[box[near]], box[near], count), vectors)
+    box, point = free.in_boxes(clusters.seeds - radius_m, clusters.seeds + radius_m)
+    near = np.linalg.norm(free.points[point] - clusters.seeds[box], axis=1) <= radius_m  # in all coordinates: not the sky above a street
+    side = np.einsum("md,mde->me", _mean(free.points[point[near], :axes] - mean[box[near]], box[near], count), vectors)
     vectors = vectors * np.where(side < 0, -1.0, 1.0)[:, None, :]
     improper = np.flatnonzero(np.linalg.det(vectors) < 0)
     vectors[improper, :, np.abs(side[improper]).argmin(axis=1)] *= -1
-
-    rotation = np.tile(np.eye(dimension), (count, 1, 1))
-    rotation[:, :axes, :axes] = vectors
-    return rotation
+    return vectors
 
 
 def _spread(clusters: Clusters, returns: np.ndarray, cloud: Cloud, diameter_m: float) -> np.ndarray:

@@ -30,7 +30,7 @@ class ClusteringSettings:
         if not 0 <= self.occluded_share <= 1:
             raise InputError(f"clustering.occluded_share: expected a share in [0, 1], got {self.occluded_share}")
         sizes = self.gap_diameter_m
-        if sizes and (len(sizes) != 2 or not 0 < sizes[0] <= sizes[1]):
+        if sizes and (len(sizes) != 2 or not 0 < sizes[0] <= sizes[1] < np.inf):
             raise InputError(f"clustering.gap_diameter_m: expected the smallest and the largest, or an empty list, got {sizes}")
 
 

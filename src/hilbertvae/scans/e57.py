@@ -54,7 +54,8 @@ def read_e57(path: str | os.PathLike) -> FilePoints:
         counts = list(map(len, clouds))
         origins = np.repeat(places, counts, axis=0) if says_origin else None
         scan = np.repeat(np.arange(len(clouds)), counts) if len(clouds) > 1 else None
-        return FilePoints(np.concatenate(clouds), origins, scan)
+        moved = np.column_stack([turn, place]) if len(clouds) == 1 and tuple(pose) != NO_MOTION else None
+        return FilePoints(np.concatenate(clouds), origins, scan, moved)
 
 
 def _check_header(path: Path) -> int:

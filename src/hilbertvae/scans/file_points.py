@@ -26,11 +26,13 @@ class FilePoints:
     points: (N, D) float64, metres, the file's frame. A row with NaN or inf is a beam without a return, as organised clouds have.
     origins: (N, D) or (D,) float64, metres, the file's frame: where the beams started; None where the file does not say.
     scan: (N,) integers, the sweep a return belongs to; None where the file is one sweep.
+    pose: (3, 4), what the reader has taken the points of its one sweep to the file's frame by; None where it moved none.
     """
 
     points: np.ndarray
     origins: np.ndarray | None = None
     scan: np.ndarray | None = None
+    pose: np.ndarray | None = None
 
 
 class NoRows(InputError):

@@ -28,8 +28,11 @@ class Scans:
     beam: np.ndarray
 
     def __post_init__(self):
-        check_points(self.points, "scans.points", allow_empty=True)
-        check_points(self.origins, "scans.origins", dimension=self.points.shape[1], allow_empty=True)
+        points = check_points(self.points, "scans.points", allow_empty=True)
+        origins = check_points(self.origins, "scans.origins", dimension=points.shape[1], allow_empty=True)
+        numbers = (_numbers(self.scan, "scans.scan"), _numbers(self.beam, "scans.beam"))
+        for name, value in zip(("points", "origins", "scan", "beam"), (points, origins, *numbers), strict=True):
+            object.__setattr__(self, name, value)  # as what they were given as, float32 would move voxels and uint8 wrap around
         lengths = {len(self.points), len(self.origins), len(self.scan), len(self.beam)}
         if len(lengths) > 1:
             raise InputError(f"scans: expected points, origins, scan and beam of one length, got {sorted(lengths)}")
@@ -46,5 +49,17 @@ class Scans:
         return Scans(self.points[chosen], self.origins[chosen], self.scan[chosen], self.beam[chosen])
 
     def held_out(self) -> np.ndarray:
-        """(N,) bool: the returns of each tenth beam, a different tenth in each sweep so that no bearing is always missing."""
+        """(N,) bool: the returns of each tenth beam, a different tenth in each sweep so that no bearing is always missing.
+
+        Where beams are numbered firing by firing, lasers of one parity alone give those of a sweep, and the others those of the next.
+        """
         return (self.beam + self.scan) % HELD_OUT_EVERY == 0
+
+
+def _numbers(values: np.ndarray, name: str) -> np.ndarray:
+    values = np.asarray(values)
+    if values.ndim != 1 or (len(values) and values.dtype.kind not in "iu"):
+        raise InputError(f"{name}: expected (N,) whole numbers, got {values.dtype} of shape {values.shape}")
+    if len(values) and not -(2**31) <= values.min() <= values.max() < 2**31:
+        raise InputError(f"{name}: expected numbers of 32 bits, got {values.min()} to {values.max()}")
+    return values.astype(np.int32, copy=False)

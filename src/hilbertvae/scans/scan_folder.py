@@ -17,6 +17,7 @@ from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.file_points import check_reading, named, reading
 from hilbertvae.scans.names_in_order import names_in_order
 from hilbertvae.scans.odometry import FINDING, KISS_ICP, KissOdometry, check_poses_choice
+from hilbertvae.scans.own_origins import OwnOrigins, in_space
 from hilbertvae.scans.point_files import READERS, read_points
 from hilbertvae.scans.pose_times import warn_of_other_times
 from hilbertvae.scans.poses import MOST_TILT_DEG, leans, lidar_poses, read_timed_poses
@@ -24,7 +25,6 @@ from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
 
 POSES = "poses.txt"
-SAME_PLACE_M = 0.01
 NOT_SCANS = {POSES, "times.txt", "timestamps.txt", "calib.txt", "readme.txt", "license.txt"}
 
 
@@ -40,8 +40,8 @@ def read_scan_folder(
 
     Each file is in its sensor's frame, and the pose of the same place in `poses.txt` (see `read_timed_poses`) takes it to the map frame; of
     files of two coordinates, the frame's x and y are kept.
-    Beams start where the file says (unless that is where its pose places it once more, as in ROS's `pointcloud_to_pcd`), else where
-    `beam_origin` says: a name of `BEAM_ORIGINS`, or three numbers in metres, sensor frame.
+    Beams start where the file says (in the frame of its points; see `OwnOrigins` for files that mean another), else where `beam_origin`
+    says: a name of `BEAM_ORIGINS`, or three numbers in metres, sensor frame.
     Ranges as in `read_point_file`; `every` keeps each so many-th scan. Kept scans are numbered from 0, beams by their place in the file.
     With `poses="kiss_icp"` poses are found by odometry (see `KissOdometry`) and `poses.txt`, if there is one, is not read.
     Raises `InputError` for files of several formats, for another number of poses than of scans, and for files that can't be read.
@@ -77,8 +77,8 @@ def read_posed_scans(
     check_poses_choice(poses)
     beam_origins = find_beam_origins(beam_origin)
     given = _given_poses(files, poses_path, lidar_to_camera) if poses is None else None
-    odometry, unit = KissOdometry(), UnitCheck()
-    kept, empty, repeated, dimension, first = ScanCollector(), 0, 0, 0, ""
+    odometry, unit, own = KissOdometry(), UnitCheck(), OwnOrigins(files, None if given is None else poses_path)
+    kept, empty, dimension, first = ScanCollector(), 0, 0, ""
     # Odometry goes from scan to scan, so it sees those too that are left out.
     taken = range(0, len(files), every if poses is None else 1)
     for index in taken if poses is None else track(taken, FINDING):
@@ -93,15 +93,13 @@ def read_posed_scans(
         if found.points.shape[1] != dimension or (dimension == 2 and poses is not None):
             wanted = "to find poses from" if poses is not None else f"as in {first}"
             raise InputError(f"{files[index]}: expected {5 - found.points.shape[1]}D points {wanted}, got {found.points.shape[1]}D ones")
-        points = without_zeros(_in_space(found.points), at_least=1 if found.origins is None else 2)
-        start = beam_origins(points) if found.origins is None else np.broadcast_to(_in_space(found.origins), points.shape)
-        if given is not None and _repeats(start, given[index]):
-            start, repeated = beam_origins(points), repeated + 1
+        points = without_zeros(in_space(found.points), at_least=1 if found.origins is None else 2)
+        start, pose = own.place(found, points, None if given is None else given[index], beam_origins)
         lengths = beam_lengths(points, start)
         unit.see(lengths)
         chosen = np.flatnonzero(within_range(lengths, min_range_m, max_range_m))
         with named(files[index]):
-            pose = odometry.register(points[chosen]) if given is None else given[index]
+            pose = odometry.register(points[chosen]) if pose is None else pose
         if index % every:
             continue
         if dimension == 2 and leans(pose):
@@ -109,26 +107,13 @@ def read_posed_scans(
         kept.add(points, start, chosen, pose, dimension)
     if empty:
         warnings.warn(f"{files[0].parent}: {empty} of {len(taken)} scans have no return and are left out", stacklevel=3)
-    if repeated:
-        text = f"{repeated} scans say that they were taken where {poses_path.name} places them; so that is no place in them"
-        warnings.warn(f"{files[0].parent}: {text}", stacklevel=3)
+    own.warn()
     unit.warn(files[0].parent)
     odometry.warn(files[0].parent)
     if not kept.returns():
         found = f"found none in {len(kept)} scans{unit.hint(max_range_m)}"
         raise InputError(f"{files[0].parent}: expected beams of {min_range_m} to {max_range_m} m, {found}")
     return kept.whole()
-
-
-def _repeats(start: np.ndarray, pose: np.ndarray) -> bool:
-    """Whether a file's origin is its pose's place once more, and not one in the frame of its points."""
-    place = pose[:, 3]
-    return bool(np.linalg.norm(place) > SAME_PLACE_M and (np.abs(start - place) < SAME_PLACE_M).all())
-
-
-def _in_space(points: np.ndarray) -> np.ndarray:
-    """(N, 3) or (3,): points of two coordinates at height 0."""
-    return points if points.shape[-1] == 3 else np.concatenate([points, np.zeros_like(points[..., :1])], axis=-1)
 
 
 def _given_poses(files: list[Path], poses_path: Path, lidar_to_camera: np.ndarray | None) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_count, check_positive, how_to_install
+from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, how_to_install
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,7 @@ class LaserSettings:
         if self.field_of_view_deg > 360:
             raise InputError(f"laser.field_of_view_deg: expected at most 360, got {self.field_of_view_deg!r}")
         for name in ("range_noise_m", "range_step_m"):
-            if not np.isfinite(getattr(self, name)) or getattr(self, name) < 0:
-                raise InputError(f"laser.{name}: expected zero or a positive number, got {getattr(self, name)!r}")
+            check_not_negative(getattr(self, name), f"laser.{name}")
         for name in ("miss_share", "glass_return_share", "glass_pass_share", "edge_mix_share"):
             if not 0 <= getattr(self, name) <= 1:
                 raise InputError(f"laser.{name}: expected a share from 0 to 1, got {getattr(self, name)!r}")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_not_negative, check_positive
 from hilbertvae.simulate.surfaces import Echo, SurfaceCaster, echoes
 
 
@@ -44,8 +44,9 @@ class SpinningLidar:
         for name in ("height_m", "max_range_m", "faintest", "nearest_m"):
             check_positive(getattr(self, name), f"lidar.{name}")
         for name in ("range_noise_m", "laser_bias_m"):
-            if not np.isfinite(getattr(self, name)) or getattr(self, name) < 0:
-                raise InputError(f"lidar.{name}: expected zero or a positive number, got {getattr(self, name)!r}")
+            check_not_negative(getattr(self, name), f"lidar.{name}")
+        if self.nearest_m >= self.max_range_m:
+            raise InputError(f"lidar.nearest_m: expected less than max_range_m ({self.max_range_m!r}), got {self.nearest_m!r}")
         for name in ("miss_share", "edge_mix_share"):
             if not 0 <= getattr(self, name) <= 1:
                 raise InputError(f"lidar.{name}: expected a share from 0 to 1, got {getattr(self, name)!r}")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_positive, check_whole
+from hilbertvae.checks import InputError, check_not_negative, check_positive, check_whole
 from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.laser import sim_extra
 from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar, hidden_by_car, sense_turn
@@ -68,8 +68,7 @@ class StreetSettings:
         for name in ("pose_noise_m", "heading_noise_deg", "range_noise_m"):
             if getattr(self, name) is None and name == "range_noise_m":
                 continue
-            if not np.isfinite(getattr(self, name)) or getattr(self, name) < 0:
-                raise InputError(f"street.{name}: expected zero or a positive number, got {getattr(self, name)!r}")
+            check_not_negative(getattr(self, name), f"street.{name}")
 
 
 def simulate_street(settings: StreetSettings, seed: int) -> Scans:

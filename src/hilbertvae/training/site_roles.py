@@ -74,4 +74,4 @@ def place(reference: str) -> str:
 def _number(reference: str) -> float:
     """The seed of a simulated site, infinite for any other."""
     number = reference.removeprefix(SIMULATED)
-    return int(number) if number != reference and number.isdigit() else np.inf
+    return int(number) if number != reference and number.isdecimal() else np.inf
