@@ -36,7 +36,7 @@ def test_the_result_says_what_grid_and_network_were_scored(tmp_path, network):
 
 
 @pytest.mark.parametrize("word", ["grid.inner_radius_m=3", "start=random", "grid.start=random", "network=gated_wide", "++network.latent=8",
-                                  "likelihood.kind=signed"])  # fmt: skip
+                                  "likelihood.kind=signed", "calibration_occupied_weight=1"])  # fmt: skip
 def test_what_a_network_brings_with_it_is_not_set_beside_it(network, word):
     settings = settings_of(f"checkpoint={network}")
     key = word.lstrip("+").split("=")[0]
@@ -44,6 +44,40 @@ def test_what_a_network_brings_with_it_is_not_set_beside_it(network, word):
         refuse_ignored(settings, ["seed=1", word])
     refuse_ignored(settings, ["seed=1", "experiment=real_2d", "mapper=[cvae-hm]", "evaluation.occlusion=false"])
     refuse_ignored(settings_of(), [word])
+
+
+@pytest.mark.parametrize("word", ["validation_gap_m=1", "calibration_seeds=[7]", "data.calibrate=[simulated:900050]"])
+def test_how_weights_are_learned_counts_for_maps_that_learn_them(network, word):
+    usual = settings_of(f"checkpoint={network}", "mapper=[cvae-hm]")
+    with pytest.raises(InputError, match=f"^{word.split('=')[0]}: expected none beside checkpoint=.*, which has its map's weights"):
+        refuse_ignored(usual, [word])
+    refuse_ignored(settings_of(f"checkpoint={network}", "mapper=[cvae-hm]", "+mapper.cvae-hm.neighbours=3"), [word])
+    refuse_ignored(settings_of("mapper=[cvae-hm]"), [word])
+
+
+@pytest.mark.parametrize("word", ["flips=3", "neighbours=0", "weights=foo", "calibration=pixels", "device=hope"])
+def test_what_no_map_can_have_is_said_before_a_training(tmp_path, word):
+    key, value = word.split("=")
+    settings = settings_of("debug=fast", f"output={tmp_path / 'run'}", "mapper=[cvae-hm]", f"++mapper.cvae-hm.{word}")
+    with pytest.raises(InputError, match=f"^mapper.cvae-hm.{key}: expected .*{value}"):
+        run(settings)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_network_trained_where_another_was_scored_has_curves_of_its_own(tmp_path, network):
+    for words in ([f"checkpoint={network}"], []):
+        assert run(fast(tmp_path, "mapper=[cvae-hm]", *words)) == 0
+        assert len(list((tmp_path / "run/tensorboard").glob("events*"))) <= 2
+        values = scalars(tmp_path / "run/tensorboard", "headline/gaps_voxels_auc")
+        assert len(values) == 1
+
+
+def scalars(folder, tag):
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    events = EventAccumulator(str(folder))
+    events.Reload()
+    return events.Scalars(tag)
 
 
 def test_voxels_of_another_size_than_the_network_s_are_refused(tmp_path, network):

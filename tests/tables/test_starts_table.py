@@ -39,6 +39,23 @@ def put_starts(folder, start, rows=None, **others):
     return path
 
 
+@pytest.mark.parametrize(
+    ("other", "key"),
+    [
+        ({"config": {"case": "random", "study": {"seeds": [0, 1], "cloud": "returns"}, "data": {"test": ["stairs"]}}}, "config.data.test"),
+        ({"data": {"hall": "ffff"}}, "data"),
+    ],
+)
+def test_returns_of_another_site_are_refused(tmp_path, other, key):
+    config = {"case": "random", "study": {"seeds": [0, 1], "cloud": "returns"}, "data": {"test": ["hall"]}}
+    usual = {"config": config, "data": {"hall": "00ff"}}
+    declare(tmp_path, "fig2", ["kmeans_plus_plus-seed0", "random-seed0"])
+    put_starts(tmp_path, "kmeans_plus_plus", **usual)
+    put_starts(tmp_path, "random", **usual | other)
+    with pytest.raises(InputError, match=f"random-seed0.*: {key}: .*, but .* in .*; they can't stand in one table"):
+        read_starts(tmp_path)
+
+
 def test_times_and_relative_potentials(tmp_path):
     declare(tmp_path, "fig2", ["quick_means-seed0", "kmeans_plus_plus-seed0", "random-seed0", "ask_means-seed0"])
     for start in ("random", "kmeans_plus_plus", "quick_means"):

@@ -170,6 +170,20 @@ def test_the_hash_sees_site_and_clustering():
     assert len({name_of(*name, settings) for name in names}) == len(names)
 
 
+def test_gaps_that_hide_nothing_would_choose_no_weights(prepared, monkeypatch):
+    monkeypatch.setattr(GridsDataModule, "_hides", lambda self, pairs, number: False)
+    with pytest.raises(InputError, match="validation_gap_m: expected gaps that hide a cell of some validation grid, got none"):
+        module_of(prepared)
+
+
+def test_a_pair_hides_what_is_known_of_its_target_alone(prepared):
+    module = module_of(prepared)
+    pairs = module.validation_pairs.dataset
+    for number in range(len(pairs)):
+        shown, target = pairs[[number]]
+        assert module._hides(pairs, number) == any(s == 0 and t != 0 for s, t in zip(shown.flatten(), target.flatten(), strict=True))
+
+
 def test_no_clusters_to_train_on(prepared):
     with pytest.raises(InputError, match="expected clusters to train and to validate on, got none; is grid.minimum_points too large"):
         module_of(changed(prepared, "grid.minimum_points", 10**6))

@@ -131,6 +131,13 @@ class TestWeightsLearnedAnew:
         mapper = self.scored(*first, neighbours=neighbours)
         assert {len(weights["unseen"]) for weights in mapper.reconstructor.weights.values()} == {neighbours + 1}
 
+    def test_an_occupied_point_counts_for_as_much_as_in_the_network_s_own(self, first, tmp_path):
+        settings, path = first
+        network = Reconstructor.load(path)
+        network.weights["points"]["occupied_weight"] = 1.2
+        mapper = self.scored(settings, network.save(tmp_path / "shy.safetensors"), neighbours=3)
+        assert mapper.reconstructor.weights["points"]["occupied_weight"] == 1.2 != settings.calibration_occupied_weight
+
     def test_a_site_that_the_network_knows_teaches_no_weights(self, first, tmp_path):
         settings, path = first
         network = Reconstructor.load(path)

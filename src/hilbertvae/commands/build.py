@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 
 from hilbertvae.checks import InputError
+from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reconstruction.precision import check_device
 
 ALLOWED = ("hilbertvae.", "torch.", "lightning.")
 
@@ -26,4 +31,18 @@ def _build_mapper(name: str, specification: dict) -> Mapper:
         raise InputError(f"mapper.{name}: {str(error).splitlines()[-1] if str(error) else error} ({error.__cause__})") from error
     if not isinstance(mapper, Mapper):
         raise InputError(f"mapper.{name}._target_: expected a Mapper, got {type(mapper).__name__}")
+    if isinstance(mapper, HilbertMap):  # before a network is trained for it
+        with under(f"mapper.{name}"):
+            mapper.check_settings()
+            if mapper.device != "auto":
+                check_device(mapper.device)
     return mapper
+
+
+@contextmanager
+def under(path: str) -> Iterator[None]:
+    """Puts the path of a part of the configuration before the key that an `InputError` of the block names."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}.{error}") from error

@@ -13,6 +13,7 @@ from hilbertvae.clusters.comparison import study
 from hilbertvae.files import write_json
 from hilbertvae.reports.provenance import provenance
 from hilbertvae.reports.run_state import RUN
+from hilbertvae.scans.sites import site_hashes
 from hilbertvae.training.settings import Settings
 
 FILE = "clustering.json"
@@ -22,14 +23,14 @@ SCHEMA_VERSION = 1
 def run_clustering(settings: Settings, again: bool = True) -> int:
     """Try `grid.start` as `study` says, on returns of the first test site where it asks for them; the exit code."""
     path = Path(settings.output) / FILE
-    returns, tested = None, None
+    returns, tested, hashes = None, None, {}
     if settings.study.cloud == "returns":
         site, source = settings.data.test[0], settings.source()
         source.check(site)
         tested = source.made_of(site)
-        returns = source.scans(site).points
+        returns, hashes = source.scans(site).points, site_hashes([site])
     identity = {"version": hilbertvae.__version__, "start": settings.grid.start, "study": asdict(settings.study), "site": tested}
-    about = provenance(asdict(settings), identity=identity, seeds={"clouds": settings.study.seeds})
+    about = provenance(asdict(settings), identity=identity, data=hashes, seeds={"clouds": settings.study.seeds})
     if not again and _is_finished(path, about["config_hash"]):
         print(f"{settings.output}: finished before")
         return 0

@@ -40,8 +40,10 @@ JOB = "HILBERTVAE_JOB"
 """Where a job of a multirun tells the other processes of its distributed training what it is: Lightning starts them with the words of
 the whole multirun, of which they would do every job."""
 
-OF_A_NETWORK = ("network", "grid", "start", "likelihood")
+OF_A_NETWORK = ("network", "grid", "start", "likelihood", "calibration_occupied_weight")
 """Settings that lie in the file of a network."""
+OF_ITS_WEIGHTS = ("validation_gap_m", "calibration_seeds", "data.calibrate")
+"""Settings of how a map's weights are learned, which lie there too and count for maps that need others."""
 
 store = ConfigStore.instance()
 # The network is missing there, so that a choice of another kind meets no default of this one; and the voxels are those of the dimension
@@ -81,6 +83,9 @@ def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
         if key.partition(".")[0] in OF_A_NETWORK:
             at_hand = "; `mapper.<name>.inner_radius_m` is a map's own" if key in ("start", "grid") or key.startswith("grid.") else ""
             raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its own{at_hand}")
+        if key in OF_ITS_WEIGHTS and not any({"neighbours", "inner_radius_m"} & {*one} for one in settings.mapper.values() if one):
+            anew = "they are learned anew for maps with `neighbours` or `inner_radius_m` of their own"
+            raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its map's weights; {anew}")
 
 
 def run(settings: Settings, again: bool = True) -> int:
@@ -123,6 +128,8 @@ def run(settings: Settings, again: bool = True) -> int:
 
     hashes = site_hashes(list(sites)) | _given(settings)
     write = Report(settings.output, config, identity, seeds, hashes, others, settings.pictures)
+    if other_scoring:
+        clear(settings.output)
     if training:
         from hilbertvae.training.train import first_rank, train
 
@@ -130,8 +137,6 @@ def run(settings: Settings, again: bool = True) -> int:
         if not first_rank():
             return 0
     else:
-        if other_scoring:
-            clear(settings.output)
         score(settings, mappers, reconstructor, write)
     return write.close()
 

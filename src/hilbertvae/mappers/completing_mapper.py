@@ -53,8 +53,9 @@ class CompletingMapper(Mapper):
     def check_settings(self) -> None:
         """An `InputError` that names the setting which no map can have."""
         check_count(self.neighbours, "neighbours")
-        if self.flips_ not in (1, 2, 4, 8):
-            raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips_!r}")
+        for flips in (self.flips, getattr(self, "flips_", None)):  # as set, and as it is in a map's file
+            if flips not in (None, 1, 2, 4, 8):
+                raise InputError(f"flips: expected 1, 2, 4 or 8, got {flips!r}")
         if self.weights not in ("unit", "rank", "cluster"):
             raise InputError(f"weights: expected unit, rank or cluster, got {self.weights!r}")
         if self.grid is not None and not isinstance(self.grid, GridSettings):

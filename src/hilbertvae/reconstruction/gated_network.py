@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from hilbertvae.checks import InputError, check_count
+from hilbertvae.checks import InputError, check_count, check_whole
 from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.blocks import (
     CONVOLUTION,
@@ -70,6 +70,8 @@ class GatedNetwork(nn.Module):
         reduction = settings.stem * 2 ** (levels - 1)
         if len(settings.blocks) != levels:
             raise InputError(f"network.blocks: expected {levels}, one per level, got {len(settings.blocks)}")
+        for place, blocks in enumerate(settings.blocks):
+            check_whole(blocks, f"network.blocks[{place}]")
         if cells % reduction:
             raise InputError(f"grid.cells: expected a multiple of {reduction} (stem and {levels} levels), got {cells}")
         if settings.bottom not in BOTTOMS:

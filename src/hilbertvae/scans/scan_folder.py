@@ -120,7 +120,7 @@ def _given_poses(files: list[Path], poses_path: Path, lidar_to_camera: np.ndarra
     """(S, 3, 4), a pose for each of `files`."""
     if not poses_path.exists():
         raise InputError(
-            f"{poses_path}: no such file; expected a pose for each of {len(files)} scans. Scans in the order of travel can do without: "
+            f"{poses_path}: no such file; expected a pose for each of {len(files)} scans. 3D scans in the order of travel can do without: "
             f"set reading.poses={KISS_ICP} to find their poses"
         )
     poses, times = read_timed_poses(poses_path)

@@ -123,6 +123,8 @@ def _check_together(files: list[StartsFile]) -> None:
         for key, ours, theirs in (
             (f"packages.{OWN}", file.about["packages"][OWN], files[0].about["packages"][OWN]),
             ("config.study", file.about["config"].get("study"), files[0].about["config"].get("study")),
+            ("config.data.test", _clustered(file), _clustered(files[0])),
+            ("data", file.about.get("data"), files[0].about.get("data")),
         ):
             if ours != theirs:
                 raise InputError(f"{file.path}: {key}: {ours!r:.60}, but {theirs!r:.60} in {files[0].path}; they can't stand in one table")
@@ -131,3 +133,11 @@ def _check_together(files: list[StartsFile]) -> None:
             if cell in seen:
                 raise InputError(f"{file.path}: rows: {row.start} of {row.points} points, seed {row.seed}, is also in {seen[cell]}")
             seen[cell] = file.path
+
+
+def _clustered(file: StartsFile) -> Any:
+    """The site whose returns were clustered, if any were."""
+    config = file.about["config"]
+    if (config.get("study") or {}).get("cloud") == "returns":
+        return ((config.get("data") or {}).get("test") or [None])[0]
+    return None

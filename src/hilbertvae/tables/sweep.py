@@ -18,6 +18,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.reports.comparison import CHAMPIONS
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.scoring.result import Result
+from hilbertvae.tables.recipe import check_same_recipe
 
 SIZES = ("quick", "full")
 JOB = re.compile(r"(?P<case>.+)-seed(?P<seed>\d+)")
@@ -214,11 +215,14 @@ def _below(node: Any, key: str, default: Any) -> Any:
 
 
 def grouped(runs: Iterable[Run], key: Callable[[Run], Hashable]) -> dict[Any, dict[int, Run]]:
-    """Runs by what their row is about, and in there by training seed; an `InputError` for two that would be the same cell."""
+    """Runs by what their row is about, and in there by training seed; an `InputError` for two that would be the same cell, or that
+    differ in more than the seed."""
     groups: dict[Any, dict[int, Run]] = {}
     for run in runs:
         group = groups.setdefault(key(run), {})
         if run.seed in group:
             raise InputError(f"{run.path}: config.seed: {run.seed} of the same row is also in {group[run.seed].path}")
+        if group:
+            check_same_recipe(run, next(iter(group.values())))
         group[run.seed] = run
     return groups

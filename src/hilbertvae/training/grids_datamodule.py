@@ -9,6 +9,7 @@ import numpy as np
 from torch.utils.data import DataLoader, Sampler, Subset
 
 from hilbertvae.checks import InputError
+from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.training.grid_pairs import GridPairs
 from hilbertvae.training.kept_grids import VALIDATION_SEEDS, build_all, is_voted
 from hilbertvae.training.settings import Settings
@@ -67,6 +68,12 @@ class GridsDataModule(L.LightningDataModule):
         self.validation_pairs = Subset(validation_pairs, some.tolist())
         if not len(self.train_pairs) or not len(self.validation_pairs):
             raise InputError("data: expected clusters to train and to validate on, got none; is grid.minimum_points too large?")
+        if not any(self._hides(validation_pairs, number) for number in some):  # nothing would say which weights are the best
+            raise InputError("validation_gap_m: expected gaps that hide a cell of some validation grid, got none; is it too small?")
+
+    def _hides(self, pairs: GridPairs, number: int) -> bool:
+        shown, target = (labels_of(grids, self.settings.dimension) for grids in pairs[[number]])
+        return bool(((shown == 0) & (target != 0)).any())
 
     def _jobs(self) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
         """Which clusterings, by site and seed, are trained and which are validated on."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -34,7 +35,8 @@ AFTERWARDS = (
 TRAINED = "trained"
 """What a mapper's `reconstructor` is set to when it takes the network of the run; any other text is a checkpoint's path."""
 ACCELERATORS = ("auto", "cpu", "gpu", "cuda", "mps")
-PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed", "bf16-true", "64-true")
+PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed")
+MOST_THREADS = 1024
 
 
 @dataclass
@@ -181,6 +183,7 @@ class Settings:
         """An `InputError` that names the key for the first value that makes no run."""
         if self.dimension not in (2, 3):
             raise InputError(f"dimension: expected 2 or 3, got {self.dimension}")
+        _check_finite(asdict(self), "")
         check_positive(self.resolution_m, "resolution_m")
         if self.task not in TASKS:
             raise InputError(f"task: expected one of {', '.join(TASKS)}, got {self.task!r}")
@@ -208,8 +211,10 @@ class Settings:
             raise InputError(f"trainer.optimizer: expected one of {', '.join(OPTIMIZERS)}, got {self.trainer.optimizer!r}")
         for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids", "devices"):
             check_positive(getattr(self.trainer, key), f"trainer.{key}")
-        for key in ("weight_decay", "kl_weight", "free_nats", "patience_epochs", "threads"):
+        for key in ("weight_decay", "kl_weight", "free_nats", "gradient_clip", "patience_epochs", "threads"):
             check_not_negative(getattr(self.trainer, key), f"trainer.{key}")
+        if self.trainer.threads > MOST_THREADS:
+            raise InputError(f"trainer.threads: expected at most {MOST_THREADS}, got {self.trainer.threads}")
         if not 0 <= self.trainer.warmup_share < 1:
             raise InputError(f"trainer.warmup_share: expected a share in [0, 1), got {self.trainer.warmup_share}")
         if self.data.train:
@@ -220,13 +225,26 @@ class Settings:
         check_positive(self.scoring_processes, "scoring_processes")
         check_not_negative(self.data.processes, "data.processes")
         check_positive(self.validation_gap_m, "validation_gap_m")
-        check_positive(self.calibration_occupied_weight, "calibration_occupied_weight")
+        if not 1e-3 <= self.calibration_occupied_weight <= 1e3:
+            raise InputError(f"calibration_occupied_weight: expected from 0.001 to 1000, got {self.calibration_occupied_weight}")
         if self.flips not in (None, 1, 2, 4, 8):
             raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips}")
         if self.device != "auto":
             check_device(self.device)
-        if self.trainer.kl_warmup_share < 0.2:
-            raise InputError(f"trainer.kl_warmup_share: expected at least 0.2, got {self.trainer.kl_warmup_share}")
+        if not 0.2 <= self.trainer.kl_warmup_share <= 1:
+            raise InputError(f"trainer.kl_warmup_share: expected a share from 0.2 to 1, got {self.trainer.kl_warmup_share}")
+
+
+def _check_finite(node: Any, path: str) -> None:
+    """An `InputError` that names the key for a number that JSON lacks: a run with it could not be written down."""
+    if isinstance(node, dict):
+        for key, value in node.items():
+            _check_finite(value, f"{path}.{key}" if path else str(key))
+    elif isinstance(node, (list, tuple)):
+        for place, value in enumerate(node):
+            _check_finite(value, f"{path}[{place}]")
+    elif isinstance(node, float) and not math.isfinite(node):
+        raise InputError(f"{path}: expected a finite number, got {node}")
 
 
 def training_hash(settings: Settings) -> str:

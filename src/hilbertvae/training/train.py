@@ -96,6 +96,7 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
     callbacks = [best, last, after_fit, LearningRateMonitor("step"), TQDMProgressBar(refresh_rate=10)]
     if settings.trainer.patience_epochs:
         callbacks.append(PatienceOnce(patience=settings.trainer.patience_epochs, check_finite=True, **BEST))
+    module = ReconstructionModule(settings)  # names the key that makes no network, before anything is asked of it
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*does not have many workers.*")
         warnings.filterwarnings("ignore", message=".*`isinstance.treespec, LeafSpec.`.*")
@@ -115,7 +116,6 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
             use_distributed_sampler=False,
             enable_model_summary=False,
         )
-        module = ReconstructionModule(settings)
         if settings.trainer.initial and not resume:
             module.start_from(settings.trainer.initial)
         before = {name: os.environ.get(name) for name in DISTRIBUTED}

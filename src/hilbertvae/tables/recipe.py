@@ -1,0 +1,37 @@
+"""What the runs of one row of a table have in common: all that decides a network and its map but the training seed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from hilbertvae.checks import InputError
+
+PARTS = (
+    "network", "grid", "likelihood", "augmentation", "clustering", "trainer", "data", "flips", "validation_gap_m", "calibration_seeds",
+    "calibration_occupied_weight",
+)  # fmt: skip
+ELSEWHERE = {
+    "trainer": {"accelerator", "strategy", "threads"},
+    "data": {"folder", "download", "cache", "processes", "test"},
+}
+"""Where things lie and what computes; sites that are scored have a table each."""
+
+
+def check_same_recipe(run: Any, first: Any) -> None:
+    """An `InputError` that names the file and the key where two `Run`s of one row differ in more than their seed. A key that one lacks is
+    of another version of the settings, and counts as its default."""
+    ours, theirs = (dict(_flat(each.about["config"])) for each in (run, first))
+    for key in ours.keys() & theirs.keys():
+        if ours[key] != theirs[key]:
+            said = f"{ours[key]!r:.60}, but {theirs[key]!r:.60} in {first.path}"
+            raise InputError(f"{run.path}: config.{key}: {said}; runs of one row differ in their training seed alone")
+
+
+def _flat(config: dict) -> Iterator[tuple[str, Any]]:
+    for part in PARTS:
+        value = config.get(part)
+        if isinstance(value, dict):
+            yield from ((f"{part}.{key}", setting) for key, setting in value.items() if key not in ELSEWHERE.get(part, ()))
+        elif part in config:
+            yield part, value

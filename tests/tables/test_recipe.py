@@ -1,0 +1,36 @@
+"""Runs of one row of a table differ in their training seed alone."""
+
+import pytest
+
+from hilbertvae.checks import InputError
+from hilbertvae.tables.sweep import grouped, read_sweep
+from toy_sweeps import put
+
+
+def rows(folder, first, second):
+    put(folder, "a-seed0", {"nearest": [0.1, 0.2]}, config=first)
+    put(folder, "a-seed1", {"nearest": [0.1, 0.2]}, config=second)
+    return grouped(read_sweep(folder, "table1").runs, lambda run: run.case)
+
+
+@pytest.mark.parametrize(
+    ("config", "key"),
+    [
+        ({"network": {"channels": [16, 16]}}, "network.channels"),
+        ({"trainer": {"epochs": 2, "threads": 1}}, "trainer.epochs"),
+        ({"data": {"simulated": 60}}, "data.simulated"),
+        ({"calibration_occupied_weight": 1.0}, "calibration_occupied_weight"),
+    ],
+)
+def test_another_recipe_is_another_row(tmp_path, config, key):
+    usual = {"trainer": {"epochs": 1, "threads": 1}, "data": {"simulated": 30}, "calibration_occupied_weight": 2.0}
+    with pytest.raises(InputError) as error:
+        rows(tmp_path, usual, usual | config)
+    text = str(error.value)
+    assert text.startswith(f"{tmp_path / 'a-seed1' / 'result.json'}: config.{key}: ") and str(tmp_path / "a-seed0") in text
+
+
+def test_where_it_ran_and_settings_of_another_version_make_no_other_row(tmp_path):
+    here = {"trainer": {"epochs": 1, "threads": 1, "accelerator": "cpu"}, "data": {"simulated": 30, "cache": "here", "test": ["hall"]}}
+    there = {"trainer": {"epochs": 1, "threads": 2, "accelerator": "gpu"}, "data": {"simulated": 30, "cache": "there"}, "flips": None}
+    assert [*rows(tmp_path, here, there)["a"]] == [0, 1]
