@@ -49,6 +49,19 @@ def check_not_negative(value: float, name: str) -> float:
     return float(value)
 
 
+def check_finite(node: object, path: str = "") -> None:
+    """An `InputError` that names the key for a NaN or an infinity in nested dicts and lists, which JSON lacks: a run
+    with one could not be written down."""
+    if isinstance(node, dict):
+        for key, value in node.items():
+            check_finite(value, f"{path}.{key}" if path else str(key))
+    elif isinstance(node, (list, tuple)):
+        for place, value in enumerate(node):
+            check_finite(value, f"{path}[{place}]")
+    elif isinstance(node, float) and not np.isfinite(node):
+        raise InputError(f"{path}: expected a finite number, got {node}")
+
+
 def check_seeds(seeds: list[int], name: str) -> None:
     """An `InputError` unless `seeds` are one or more different whole numbers from 0 on."""
     whole = all(isinstance(seed, (int, np.integer)) and not isinstance(seed, bool) for seed in seeds)

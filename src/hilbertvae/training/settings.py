@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_seeds
+from hilbertvae.checks import InputError, check_count, check_finite, check_not_negative, check_positive, check_seeds
 from hilbertvae.cloud import RESOLUTION_M
 from hilbertvae.clusters.comparison import StudySettings
 from hilbertvae.files import hash_of, path_sha256
@@ -183,7 +182,7 @@ class Settings:
         """An `InputError` that names the key for the first value that makes no run."""
         if self.dimension not in (2, 3):
             raise InputError(f"dimension: expected 2 or 3, got {self.dimension}")
-        _check_finite(asdict(self), "")
+        check_finite(asdict(self))
         check_positive(self.resolution_m, "resolution_m")
         if self.task not in TASKS:
             raise InputError(f"task: expected one of {', '.join(TASKS)}, got {self.task!r}")
@@ -233,18 +232,6 @@ class Settings:
             check_device(self.device)
         if not 0.2 <= self.trainer.kl_warmup_share <= 1:
             raise InputError(f"trainer.kl_warmup_share: expected a share from 0.2 to 1, got {self.trainer.kl_warmup_share}")
-
-
-def _check_finite(node: Any, path: str) -> None:
-    """An `InputError` that names the key for a number that JSON lacks: a run with it could not be written down."""
-    if isinstance(node, dict):
-        for key, value in node.items():
-            _check_finite(value, f"{path}.{key}" if path else str(key))
-    elif isinstance(node, (list, tuple)):
-        for place, value in enumerate(node):
-            _check_finite(value, f"{path}[{place}]")
-    elif isinstance(node, float) and not math.isfinite(node):
-        raise InputError(f"{path}: expected a finite number, got {node}")
 
 
 def training_hash(settings: Settings) -> str:
