@@ -36,8 +36,6 @@ class Reconstruction:
 
 def check_network_numbers(settings) -> None:
     """An `InputError` for numbers, of those that every kind of network has, that make none."""
-    if not settings.channels:
-        raise InputError("network.channels: expected at least one level, got none")
     for place, width in enumerate(settings.channels):
         check_count(width, f"network.channels[{place}]")
     check_count(settings.latent, "network.latent")

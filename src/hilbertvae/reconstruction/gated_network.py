@@ -66,6 +66,8 @@ class GatedNetwork(nn.Module):
         super().__init__()
         channels, levels = settings.channels, len(settings.channels)
         check_network_numbers(settings)
+        if not settings.channels:
+            raise InputError("network.channels: expected at least one level, got none")
         check_count(settings.stem, "network.stem")
         reduction = settings.stem * 2 ** (levels - 1)
         if len(settings.blocks) != levels:
