@@ -61,15 +61,12 @@ def folder_sha256(folder: str | os.PathLike) -> str:
     folder, found = Path(folder), []
     seen = {os.path.realpath(folder)}
     for place, folders, names in os.walk(folder, followlinks=True):
-        folders[:] = [name for name in sorted(folders) if not _seen(os.path.join(place, name), seen)]
+        real = {name: os.path.realpath(os.path.join(place, name)) for name in sorted(folders)}
+        folders[:] = [name for name in real if real[name] not in seen]
+        seen.update(real.values())
         found += [Path(place) / name for name in names if not name.startswith(".") and os.path.isfile(os.path.join(place, name))]
     lines = (f"{path.relative_to(folder).as_posix()} {file_sha256(path)}\n" for path in sorted(found))
     return hashlib.sha256("".join(lines).encode(errors="surrogateescape")).hexdigest()
-
-
-def _seen(folder: str, seen: set[str]) -> bool:
-    real = os.path.realpath(folder)
-    return real in seen or bool(seen.add(real))
 
 
 def path_sha256(path: str | os.PathLike) -> str:

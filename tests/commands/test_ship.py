@@ -61,6 +61,7 @@ def test_where_the_cuts_on_points_lie_is_chosen_and_kept(folder, trained, capsys
     assert "an occupied one counts for 1.2." in (folder / "2d.md").read_text()
     assert main(["2d", "--checkpoint", "2d"]) == 0 and Reconstructor.load("2d").weights == shy
     assert main(["2d", "--checkpoint", "2d", "--occupied-weight", "0"]) == 2
+    assert main(["2d", "--checkpoint", "2d", "--occupied-weight", "1e300"]) == 2
     assert "--occupied-weight: expected a positive number" in capsys.readouterr().err and Reconstructor.load("2d").weights == shy
 
 

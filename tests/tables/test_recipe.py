@@ -20,10 +20,12 @@ def rows(folder, first, second):
         ({"trainer": {"epochs": 2, "threads": 1}}, "trainer.epochs"),
         ({"data": {"simulated": 60}}, "data.simulated"),
         ({"calibration_occupied_weight": 1.0}, "calibration_occupied_weight"),
+        ({"mapper": {"cvae-hm": {"neighbours": 3}, "hm": {}}}, "mapper.cvae-hm"),
     ],
 )
 def test_another_recipe_is_another_row(tmp_path, config, key):
     usual = {"trainer": {"epochs": 1, "threads": 1}, "data": {"simulated": 30}, "calibration_occupied_weight": 2.0}
+    usual["mapper"] = {"cvae-hm": {}}
     with pytest.raises(InputError) as error:
         rows(tmp_path, usual, usual | config)
     text = str(error.value)

@@ -59,7 +59,7 @@ def test_good_settings_pass():
         ({"trainer": TrainerSettings(accelerator="gpo")}, "trainer.accelerator: expected one of auto, cpu, gpu, cuda, mps, got 'gpo'"),
         ({"calibration_seeds": []}, "calibration_seeds: expected one or more different seeds from 0 on"),
         ({"calibration_seeds": [-1]}, "calibration_seeds"),
-        ({"calibration_occupied_weight": 0.0}, "calibration_occupied_weight: expected from 0.001 to 1000, got 0.0"),
+        ({"calibration_occupied_weight": 0.0}, "calibration_occupied_weight: expected a positive number, got 0.0"),
         ({"calibration_occupied_weight": 1e300}, "calibration_occupied_weight: expected from 0.001 to 1000"),
         ({"trainer": TrainerSettings(kl_warmup_share=3.0)}, "trainer.kl_warmup_share: expected a share from 0.2 to 1, got 3.0"),
         ({"trainer": TrainerSettings(gradient_clip=-1.0)}, "trainer.gradient_clip: expected a number from 0 on"),

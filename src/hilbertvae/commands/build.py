@@ -32,7 +32,7 @@ def _build_mapper(name: str, specification: dict) -> Mapper:
     if not isinstance(mapper, Mapper):
         raise InputError(f"mapper.{name}._target_: expected a Mapper, got {type(mapper).__name__}")
     if isinstance(mapper, HilbertMap):  # before a network is trained for it
-        with under(f"mapper.{name}"):
+        with _under(f"mapper.{name}"):
             mapper.check_settings()
             if mapper.device != "auto":
                 check_device(mapper.device)
@@ -40,7 +40,7 @@ def _build_mapper(name: str, specification: dict) -> Mapper:
 
 
 @contextmanager
-def under(path: str) -> Iterator[None]:
+def _under(path: str) -> Iterator[None]:
     """Puts the path of a part of the configuration before the key that an `InputError` of the block names."""
     try:
         yield

@@ -9,13 +9,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError
 from hilbertvae.files import atomic
 from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.weights import check_occupied_weight, occupied_weight_of
 from hilbertvae.reconstruction.mean_weights import mean_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
-from hilbertvae.reports.card import calibrated_on, card_text, learned_with
+from hilbertvae.reports.card import calibrated_on, card_text
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.site import open_site
 from hilbertvae.training.settings import Settings
@@ -39,9 +40,9 @@ def ship(
     occupied_weight: what an occupied point counts for in the weights for points, which says where the cuts lie between precision and
     recall; as in those that the checkpoint has, unless given."""
     if occupied_weight is not None:
-        check_positive(occupied_weight, "--occupied-weight")
+        check_occupied_weight(occupied_weight, "--occupied-weight")
     trained = Reconstructor.load(checkpoint)
-    counted = {"occupied_weight": occupied_weight or learned_with(trained)}
+    counted = {"occupied_weight": occupied_weight or occupied_weight_of(trained.weights)}
     if mean:
         trained = mean_of(Reconstructor.load(name), trained)
     if rotation:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, issparse
 from scipy.special import expit
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_positive
 
 READINGS = ("voxels", "points")
 """What weights can be fitted on."""
@@ -121,6 +121,18 @@ def unit_weights(nearest: int, evidence_features: int) -> RankWeights:
     seen[0], seen[-2] = 1.0, 1.0
     grids = np.append(np.ones(nearest), 0.0)
     return RankWeights(grids, seen, grids, level=False)
+
+
+def check_occupied_weight(value: float, name: str) -> float:
+    """`value` as what an occupied point may count for; an `InputError` for what would leave points of one kind alone."""
+    if not 1e-3 <= check_positive(value, name) <= 1e3:
+        raise InputError(f"{name}: expected from 0.001 to 1000, got {value!r}")
+    return float(value)
+
+
+def occupied_weight_of(learned: dict[str, dict]) -> float:
+    """What an occupied point counted for where a network's plain weights were `learned`; `OCCUPIED_WEIGHT` without any for points."""
+    return RankWeights.from_plain(learned["points"]).occupied_weight if "points" in learned else OCCUPIED_WEIGHT
 
 
 def fit_rank_weights(values, held, seen, evidence, away, occupied, occupied_weight: float = 1.0) -> RankWeights:

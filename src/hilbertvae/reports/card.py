@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from hilbertvae.files import file_sha256
-from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, RankWeights
+from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED
 from hilbertvae.reports.result_json import read_result
@@ -55,7 +55,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         + f"over {card['flips']} flip{'s' if card['flips'] > 1 else ''}"
         + (f", in frames turned as `{turned}`" if (turned := network.grid.frame.rotation) != "none" else "")
         + (", read between cells" if network.grid.interpolated else "")
-        + f"; in those for points an occupied one counts for {learned_with(network):g}.",
+        + f"; in those for points an occupied one counts for {occupied_weight_of(network.weights):g}.",
         "## Scores",
         *([_scores([read_result(path)[0] for path in results]), _made(results)] if results else ["Not scored yet."]),
         "## Limits",
@@ -88,11 +88,6 @@ def stages(card: dict) -> list[dict]:
 def calibrated_on(card: dict) -> list[str]:
     """The sites that its map's weights were learned on: that of the best weights where the card is older than the choice."""
     return card.get("calibrated_on") or [card[key] for key in ("validated_on",) if key in card]
-
-
-def learned_with(network: Reconstructor) -> float:
-    """What an occupied point counted for in Eq. 15 when the map's weights for points were learned."""
-    return RankWeights.from_plain(network.weights["points"]).occupied_weight if "points" in network.weights else OCCUPIED_WEIGHT
 
 
 def _scores(results: list[Result]) -> str:

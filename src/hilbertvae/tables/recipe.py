@@ -9,7 +9,7 @@ from hilbertvae.checks import InputError
 
 PARTS = (
     "network", "grid", "likelihood", "augmentation", "clustering", "trainer", "data", "flips", "validation_gap_m", "calibration_seeds",
-    "calibration_occupied_weight",
+    "calibration_occupied_weight", "mapper",
 )  # fmt: skip
 ELSEWHERE = {
     "trainer": {"accelerator", "strategy", "threads"},
@@ -20,7 +20,7 @@ ELSEWHERE = {
 
 def check_same_recipe(run: Any, first: Any) -> None:
     """An `InputError` that names the file and the key where two `Run`s of one row differ in more than their seed. A key that one lacks is
-    of another version of the settings, and counts as its default."""
+    of another version of the settings, and is not compared; so are mappers that only one has."""
     ours, theirs = (dict(_flat(each.about["config"])) for each in (run, first))
     for key in ours.keys() & theirs.keys():
         if ours[key] != theirs[key]:

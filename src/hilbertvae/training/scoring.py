@@ -13,8 +13,9 @@ from joblib import Parallel, delayed
 from hilbertvae.checks import InputError
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reports.card import calibrated_on, learned_with
+from hilbertvae.reports.card import calibrated_on
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.protocol import alike, evaluate_all
 from hilbertvae.scoring.result import Result
@@ -80,7 +81,7 @@ def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
             _check_calibration_sites(settings, network.card)
             anew = HilbertMap(replace(network, weights={}), **chosen)
             sites = [opened_site(reference, settings) for reference in settings.calibration_sites()]
-            counted = {"occupied_weight": learned_with(network)}  # as its own were, so that rows differ by what was asked alone
+            counted = {"occupied_weight": occupied_weight_of(network.weights)}  # as its own were: rows differ by what was asked
             weights = learn_rank_weights(anew, sites, **settings.calibration() | counted)
             learned[key] = replace(network, weights=weights)
         mapper.set_params(reconstructor=learned[key])

@@ -12,7 +12,7 @@ from hilbertvae.clusters.comparison import StudySettings
 from hilbertvae.files import hash_of, path_sha256
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.training_grids import ClusteringSettings
-from hilbertvae.mappers.weights import OCCUPIED_WEIGHT
+from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, check_occupied_weight
 from hilbertvae.reconstruction.augmentation import AugmentationSettings
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.likelihood import LikelihoodSettings
@@ -184,8 +184,14 @@ class Settings:
             raise InputError(f"dimension: expected 2 or 3, got {self.dimension}")
         check_finite(asdict(self))
         check_positive(self.resolution_m, "resolution_m")
-        if self.task not in TASKS:
-            raise InputError(f"task: expected one of {', '.join(TASKS)}, got {self.task!r}")
+        for key, value, known in (
+            ("task", self.task, TASKS),
+            ("trainer.accelerator", self.trainer.accelerator, ACCELERATORS),
+            ("trainer.precision", self.trainer.precision, PRECISIONS),
+            ("trainer.optimizer", self.trainer.optimizer, OPTIMIZERS),
+        ):
+            if value not in known:
+                raise InputError(f"{key}: expected one of {', '.join(known)}, got {value!r}")
         if not 0 <= self.seed < 2**32:
             raise InputError(f"seed: expected a whole number from 0 to {2**32 - 1}, got {self.seed}")
         self.grid.check()
@@ -199,15 +205,9 @@ class Settings:
         extent = self.data.simulated_extent_m
         if len(extent) != 2 or not 6 <= extent[0] <= extent[1]:
             raise InputError(f"data.simulated_extent_m: expected two lengths from 6 on, the shorter first, got {extent}")
-        if self.trainer.accelerator not in ACCELERATORS:
-            raise InputError(f"trainer.accelerator: expected one of {', '.join(ACCELERATORS)}, got {self.trainer.accelerator!r}")
-        if self.trainer.precision not in PRECISIONS:
-            raise InputError(f"trainer.precision: expected one of {', '.join(PRECISIONS)}, got {self.trainer.precision!r}")
         check_roles([*self.data.train, *self.simulated_sites()], self.data.validate, self.data.test, self.data.calibrate)
         if self.trainer.initial and not Path(self.trainer.initial).is_file():
             raise InputError(f"trainer.initial: expected a model.safetensors, got {self.trainer.initial}, which is not there")
-        if self.trainer.optimizer not in OPTIMIZERS:
-            raise InputError(f"trainer.optimizer: expected one of {', '.join(OPTIMIZERS)}, got {self.trainer.optimizer!r}")
         for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids", "devices"):
             check_positive(getattr(self.trainer, key), f"trainer.{key}")
         for key in ("weight_decay", "kl_weight", "free_nats", "gradient_clip", "patience_epochs", "threads"):
@@ -224,8 +224,7 @@ class Settings:
         check_positive(self.scoring_processes, "scoring_processes")
         check_not_negative(self.data.processes, "data.processes")
         check_positive(self.validation_gap_m, "validation_gap_m")
-        if not 1e-3 <= self.calibration_occupied_weight <= 1e3:
-            raise InputError(f"calibration_occupied_weight: expected from 0.001 to 1000, got {self.calibration_occupied_weight}")
+        check_occupied_weight(self.calibration_occupied_weight, "calibration_occupied_weight")
         if self.flips not in (None, 1, 2, 4, 8):
             raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips}")
         if self.device != "auto":
