@@ -126,6 +126,7 @@ def test_round_length():
 def test_gaps_of_a_result_and_a_saved_picture(maps, tmp_path):
     gaps = gaps_of(result(), room(), seed=2)
     assert gaps.centres.tolist() == [[3.0, 2.0]] and gaps.radius_m.tolist() == [1.25] and gaps.resolution_m == 0.1
-    path = save_picture(gap_zoom_picture(maps, 1), tmp_path / "new" / "zoom.png")
+    path = tmp_path / "new" / "zoom.png"
+    save_picture(gap_zoom_picture(maps, 1), path)
     assert path.read_bytes().startswith(b"\x89PNG")
     assert [file.name for file in path.parent.iterdir()] == ["zoom.png"]

@@ -5,6 +5,7 @@ from reports_toys import result
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.utils.tensorboard import SummaryWriter
 
+from hilbertvae.reports.canvas import pixels
 from hilbertvae.reports.score_pictures import precision_recall_picture
 from hilbertvae.reports.tensorboard import write_tensorboard
 
@@ -12,7 +13,7 @@ from hilbertvae.reports.tensorboard import write_tensorboard
 def test_scores_pictures_and_settings_are_read_back(tmp_path):
     found = result()
     with SummaryWriter(tmp_path) as writer:
-        write_tensorboard(writer, found, {"score/curves": precision_recall_picture(found)}, {"model": {"lr": 1e-3}})
+        write_tensorboard(writer, found, {"score/curves": pixels(precision_recall_picture(found))}, {"model": {"lr": 1e-3}})
     events = EventAccumulator(str(tmp_path)).Reload()
     tags = events.Tags()
     (scalar,) = events.Scalars(f"score/{found.site}/nearest/voxels/gaps/auc")

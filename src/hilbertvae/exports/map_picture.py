@@ -27,7 +27,8 @@ def write_picture(cells: MapCells, path: str | os.PathLike, title: str) -> Path:
     """The picture of a sampled map at `path`. Raises `InputError` for a map without known cells."""
     if not len(cells):
         raise InputError(f"{path}: expected a map with known cells, got none")
-    return save_picture(_flat(cells, title) if cells.dimension == 2 else _solid(cells, title), path)
+    save_picture(_flat(cells, title) if cells.dimension == 2 else _solid(cells, title), path)
+    return Path(path)
 
 
 def _flat(cells: MapCells, title: str) -> Figure:

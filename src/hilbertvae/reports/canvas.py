@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from pathlib import Path
 
 import numpy as np
 from matplotlib import patheffects
@@ -14,6 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
+from PIL import Image
 from scipy import ndimage
 
 from hilbertvae.files import atomic
@@ -31,11 +31,12 @@ def new_figure(width_in: float, height_in: float) -> Figure:
     return Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained", facecolor="white")
 
 
-def save_picture(figure: Figure, path: str | os.PathLike) -> Path:
-    """The figure at `path`, in the format that its suffix names, whole or not there."""
+def save_picture(figure: Figure, path: str | os.PathLike) -> np.ndarray:
+    """The figure as a PNG at `path`, whole or not there; returns its `pixels`, since drawing it again would take as long."""
+    image = pixels(figure)
     with atomic(path) as temporary:
-        figure.savefig(temporary)
-    return Path(path)
+        Image.fromarray(image).save(temporary, format="png", dpi=(figure.dpi, figure.dpi))
+    return image
 
 
 def pixels(figure: Figure) -> np.ndarray:

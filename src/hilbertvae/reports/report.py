@@ -90,12 +90,11 @@ class Report:
             temporary.write_text(scores_text(result), encoding="utf-8")
         print_scores(result, Console())
         figures, surface = self._figures(result, site, mappers) if self.pictures and result.scores else ({}, None)
-        for tag, figure in figures.items():
-            save_picture(figure, folder / PICTURES / f"{tag}.png")
+        images = {f"{site.name}/{tag}": save_picture(figure, folder / PICTURES / f"{tag}.png") for tag, figure in figures.items()}
         with SummaryWriter(str(self.folder / TENSORBOARD)) as writer:
             if not self.written[1:]:
                 write_hparams(writer, self.config, result)
-            write_tensorboard(writer, result, {f"{site.name}/{tag}": figure for tag, figure in figures.items()}, self.config)
+            write_tensorboard(writer, result, images, self.config)
             if surface and len(surface):
                 write_ply(folder / SURFACE, surface, surface_colours(surface, site.ground))
                 add_surface(writer, f"{site.name}/surface", surface, ground=site.ground)

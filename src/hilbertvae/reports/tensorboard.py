@@ -6,9 +6,7 @@ import json
 from collections.abc import Mapping
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from hilbertvae.reports.canvas import pixels
 from hilbertvae.reports.score_table import markdown_scores
 from hilbertvae.scoring.result import Result
 
@@ -29,15 +27,15 @@ def _tag(result: Result) -> str:
     return result.site.replace(":", "_")
 
 
-def write_tensorboard(writer, result: Result, figures: Mapping[str, Figure] | None = None, config: dict | None = None) -> None:
+def write_tensorboard(writer, result: Result, images: Mapping[str, np.ndarray] | None = None, config: dict | None = None) -> None:
     """Write everything to `writer`, a `torch.utils.tensorboard.SummaryWriter` or what acts like one.
 
-    figures: by tag, such as `site/map`, shown as images. config: plain containers, shown as text.
+    images: by tag, such as `site/map`, (height, width, 3) uint8. config: plain containers, shown as text.
     """
     for tag, value in score_scalars(result).items():
         writer.add_scalar(tag, value, 0)
-    for tag, figure in (figures or {}).items():
-        writer.add_image(tag, pixels(figure), 0, dataformats="HWC")
+    for tag, image in (images or {}).items():
+        writer.add_image(tag, image, 0, dataformats="HWC")
     writer.add_text(f"{_tag(result)}/scores", markdown_scores(result), 0)
     if config is not None:
         # Four spaces make a Markdown code block, whatever the text contains.
