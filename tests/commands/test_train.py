@@ -112,8 +112,8 @@ class TestEveryConfiguration:
         assert plain != learned
 
     def test_baselines_without_a_network_are_scored_in_three_dimensions(self, tmp_path):
-        choice = ["mapper=[gpom,hm-fourier,hm-nystroem]", "pictures=false", "evaluation.occlusion=false"]
-        assert run(fast(tmp_path, "experiment=streets", *choice)) == 0
+        where = narrowed("experiment=streets", "mapper=[gpom,hm-fourier,hm-nystroem]")
+        assert run(fast(tmp_path, *where, "pictures=false", "evaluation.occlusion=false")) == 0
         found, _ = read_result(tmp_path / "run/result.json")
         assert found.dimension == 3 and set(found.scores) == {"gpom", "hm-fourier", "hm-nystroem"} and not found.failed
 
@@ -134,7 +134,7 @@ class TestEveryConfiguration:
     def test_every_mapper_is_scored_in_one_run_and_the_report_is_whole(self, tmp_path, capsys):
         # Those of 3D have the names of the others; networks that learn from the site have a test of their own.
         flat = [name for name in names("mapper") if not name.endswith(("-3d", "adapted"))]
-        settings = fast(tmp_path, f"mapper=[{','.join(flat)}]", "evaluation.occlusion=false")
+        settings = fast(tmp_path, *narrowed(f"mapper=[{','.join(flat)}]"), "evaluation.occlusion=false")
         assert run(settings) == 0
         found, about = read_result(tmp_path / "run/result.json")
         assert set(found.scores) == set(flat)
