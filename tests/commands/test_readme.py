@@ -93,7 +93,7 @@ def test_mapping_commands(tmp_path, monkeypatch, room, box):
     write_ros_map(known, tmp_path / "office.yaml")
     np.savetxt(tmp_path / "asked.csv", np.random.default_rng(0).uniform(-2, 2, (20, 2)), delimiter=",")
     for command in MAPPING:
-        program, *words = shlex.split(command.replace("adapt_steps=100", "adapt_steps=2"))  # a few steps, as in every other test
+        program, *words = shlex.split(command.replace("adapt_steps=50", "adapt_steps=2"))  # a few steps, as in every other test
         assert {"hilbertvae-map": map_scans, "hilbertvae-query": query}[Path(program).name](words) == 0, command
     written = {path.parent.name for path in (tmp_path / "outputs/maps").glob("*/summary.html")}
     assert written == {"drive.log", "monday", "office.yaml", "points", "adapted", "observed", "ros"}

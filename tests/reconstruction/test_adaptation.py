@@ -84,8 +84,8 @@ def test_divergence_is_that_of_two_coins():
 
 
 def test_a_batch_has_as_many_cells_whatever_the_grid():
-    assert batch_size(tiny_reconstructor()) == 2**18 // 16**2
-    assert batch_size(tiny_reconstructor(3)) == 2**18 // 16**3
+    assert batch_size(tiny_reconstructor()) == 2**16 // 16**2
+    assert batch_size(tiny_reconstructor(3)) == 2**16 // 16**3
 
 
 def test_networks_of_another_kind_are_refused(room):

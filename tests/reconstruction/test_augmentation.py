@@ -65,6 +65,16 @@ def test_the_same_move_for_input_and_target():
     assert set(count.values()) == {3}
 
 
+def test_few_grids_see_every_move():
+    target = random_pair()[1][:1]
+    seen = set()
+    for _ in range(100):
+        (answer,) = augment(target, target, AugmentationSettings(balls=0), 2)[1]
+        (move,) = (k for k, move in enumerate(symmetries(2)) if torch.equal(apply(target, move)[0], answer))
+        seen.add(move)
+    assert seen == set(range(8))
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_balls_hide_and_never_reveal(dimension):
     shown, target = random_pair(dimension=dimension)

@@ -28,14 +28,15 @@ GAP_DIAMETER_M = (1.0, 3.5)
 """Of the balls that are cut from each batch."""
 BALLS_AREA_M2 = 20.0
 """One ball for so much of a box, as in training."""
-BATCH_CELLS = 2**18
+BATCH_CELLS = 2**16
+"""A quarter of training's: what one site teaches is soon learned, and steps count for more than grids (docs/decisions.md)."""
 LEARNING_RATE = 5e-4
 WARMUP_STEPS = 10
 MOST_GRADIENT = 1000.0
 
 
 def batch_size(reconstructor: Reconstructor) -> int:
-    """Grids that a step sees: 64 of 64 x 64 cells, 16 of 128 x 128, 8 of 32 x 32 x 32."""
+    """Grids that a step sees: 16 of 64 x 64 cells, 4 of 128 x 128, 2 of 32 x 32 x 32."""
     return max(1, BATCH_CELLS // reconstructor.grid.cells**reconstructor.dimension)
 
 

@@ -44,6 +44,7 @@ def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings, dimen
     move_shown, move_target = (apply_channels if grids.ndim == dimension + 2 else apply for grids in (shown, target))
     if settings.symmetric:
         moves = symmetries(dimension)
+        moves = [moves[k] for k in torch.randperm(len(moves))]  # a batch of fewer grids than moves shall not know the first ones alone
         order = torch.randperm(len(shown))
         portions = [order[k :: len(moves)] for k in range(len(moves))]
         moved = [(move_shown(shown[p], move), move_target(target[p], move)) for p, move in zip(portions, moves, strict=True)]
