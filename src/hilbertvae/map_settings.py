@@ -27,8 +27,8 @@ class MapSettings(ReadingSettings):
     fill: bool = True
     """`off` gives the observed map alone."""
     adapt_steps: int = 0
-    """For how many steps the network first learns from the scans themselves, from gaps cut for that; 50 are enough, and take seconds to
-    half a minute in 2D, by processor."""
+    """For how many steps the network first learns from the scans themselves, from gaps cut for that; 50 bring most of what there is to
+    gain, in seconds to half a minute in 2D, by processor."""
     calibration: str = "voxels"
     """What the map is made for. `voxels`: a probability is the share of cells that are occupied. `points`: the cut of 0.6 finds most
     of what beams would hit. It fills in two to four times as much, and more of that is wrong (a street's gaps, by cells: recall 89 %

@@ -49,7 +49,7 @@ class HilbertMap(GrowingMapper):
     evidence: whether what was observed in a query's voxel is added; the paper's own map knows only its grids.
     grid, resolution_m: as the network was trained, unless given; without one, boxes of some 6.4 m and cells that are voxels.
     adapt_steps: for how many steps the network goes on learning from the site itself in `fit`, from gaps cut for that (`adaptation.py`).
-        50 are enough, and take seconds to half a minute in 2D, by processor; 0, the default, leaves it as it is.
+        50 bring most of what there is to gain, in seconds to half a minute in 2D, by processor; 0, the default, leaves it as it is.
     """
 
     _index = None

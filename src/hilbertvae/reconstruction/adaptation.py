@@ -29,7 +29,7 @@ GAP_DIAMETER_M = (1.0, 3.5)
 BALLS_AREA_M2 = 20.0
 """One ball for so much of a box, as in training."""
 BATCH_CELLS = 2**16
-"""A quarter of training's: what one site teaches is soon learned, and steps count for more than grids (docs/decisions.md)."""
+"""A quarter of training's: what one site teaches is soon learned (docs/decisions.md)."""
 LEARNING_RATE = 5e-4
 WARMUP_STEPS = 10
 MOST_GRADIENT = 1000.0
