@@ -191,7 +191,7 @@ class TestASweepSurvives:
         command = [*TRAIN, "-m", "debug=fast", "mapper=[nearest]", "seed=-1,0"]
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=environment())
         assert done.returncode == 1 and "1 of 2 jobs have results" in done.stdout
-        assert "FAILED gated-seed-1: run: InputError: seed" in done.stdout
+        assert "FAILED gated_small-seed-1: run: InputError: seed" in done.stdout
 
     def test_jobs_that_would_share_a_folder_are_refused(self, tmp_path):
         done = multirun(tmp_path, "cases/ablation=default", "validation_gap_m=1.5,2.5")
