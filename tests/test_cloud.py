@@ -266,6 +266,16 @@ def test_single_precision_that_moves_walls_is_told(room, listed):
     assert warnings_of(room.scans.points.astype(np.float32), room.scans.origins) == []
 
 
+@pytest.mark.parametrize("empty", [[], np.array([]), np.empty((0, 2))])
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_some_scans_may_be_empty(room, empty, place):
+    sweeps, places = [room.scans.points[:50], room.scans.points[50:90]], list(room.scans.origins[[0, 50]])
+    sweeps.insert(place, empty)
+    places.insert(place, np.array([3.0, 2.0]))
+    found = cloud_from_scans(sweeps, places)
+    np.testing.assert_array_equal(found.points, cloud_from_scans(room.scans.points[:90], room.scans.origins[[0] * 50 + [50] * 40]).points)
+
+
 def test_only_empty_scans_are_refused(room):
     with pytest.raises(InputError, match="scans: expected at least one return"):
         cloud_from_scans([np.empty((0, 2)), np.empty((0, 2))], np.zeros((2, 2)))
@@ -275,5 +285,5 @@ def test_only_empty_scans_are_refused(room):
 
 def test_masked_points_are_refused(room):
     masked = np.ma.masked_greater(room.scans.points, 5.0)
-    with pytest.raises(InputError, match="points: expected no masked coordinates, got"):
+    with pytest.raises(InputError, match="points: expected no masked values, got"):
         cloud_from_scans(masked, room.scans.origins)

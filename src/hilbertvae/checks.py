@@ -11,8 +11,7 @@ class InputError(ValueError):
 
 def check_points(points, name: str = "points", dimension: int | None = None, allow_empty: bool = False) -> np.ndarray:
     """`points` as a finite (N, D) float64 array, D 2 or 3 (or `dimension`); an `InputError` otherwise."""
-    if np.ma.is_masked(points):
-        raise InputError(f"{name}: expected no masked coordinates, got {np.count_nonzero(np.ma.getmaskarray(points))}; leave them out")
+    refuse_masked(points, name)
     try:
         points = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -26,6 +25,12 @@ def check_points(points, name: str = "points", dimension: int | None = None, all
     if not finite.all():
         raise InputError(f"{name}: expected finite coordinates, got {np.count_nonzero(~finite)} of {len(points)} points with NaN or inf")
     return points
+
+
+def refuse_masked(points, name: str) -> None:
+    """An `InputError` for an array some of whose values are masked: what is behind a mask would count as if it were not."""
+    if np.ma.is_masked(points):
+        raise InputError(f"{name}: expected no masked values, got {np.count_nonzero(np.ma.getmaskarray(points))}; leave them out")
 
 
 def check_positive(value: float, name: str) -> float:

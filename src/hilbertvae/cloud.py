@@ -90,12 +90,14 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
     Raises `InputError` for what does not fit together. A `UserWarning` says where coordinates can't be in metres, where a beam is longer
     than any laser's, and where single precision has moved far coordinates by a part of a cell.
     """
-    if isinstance(points, (list, tuple)) and len(points) and np.ndim(points[0]) == 2:
-        check_points(points[0], "points", allow_empty=True)
-        origins = check_points(origins, "origins", dimension=np.shape(points[0])[1])
+    one = next((scan for scan in points if np.ndim(scan) == 2), None) if isinstance(points, (list, tuple)) else None
+    if one is not None:
+        dimension = check_points(one, "points", allow_empty=True).shape[1]
+        origins = check_points(origins, "origins", dimension=dimension)
         if len(origins) != len(points):
             raise InputError(f"origins: expected one per scan ({len(points)}), got {len(origins)}")
-        points = [check_points(p, f"points[{k}]", dimension=origins.shape[1], allow_empty=True) for k, p in enumerate(points)]
+        points = [np.empty((0, dimension)) if np.shape(p) == (0,) else p for p in points]  # an empty list has no second axis
+        points = [check_points(p, f"points[{k}]", dimension=dimension, allow_empty=True) for k, p in enumerate(points)]
         scan = np.repeat(np.arange(len(points), dtype=np.int32), list(map(len, points)))
         points = np.concatenate(points)
         origins = origins[scan]

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_cell_m
+from hilbertvae.checks import InputError, check_cell_m, check_whole
 from hilbertvae.cloud import fit_cloud
 from hilbertvae.exports.formats import check_names, suiting_exports, write_exports
 from hilbertvae.exports.map_cells import REACH_M, MapCells
@@ -58,6 +58,8 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     check_names(settings.exports)
     check_device(settings.device)
     check_calibration(settings.calibration)
+    if check_whole(settings.adapt_steps, "adapt_steps") and not settings.fill:
+        raise InputError("adapt_steps: expected 0 with fill=off, where no network is asked")
     mapper = load_mapper(settings.weights) if settings.weights else None  # before the scans, which may take long
     name = Path(settings.scans).resolve().name
     output = Path(settings.output or Path("outputs/maps") / name)

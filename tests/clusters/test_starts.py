@@ -44,6 +44,8 @@ class TestEveryStart:
         ],
     )
     def test_bad_input_is_named(self, start, points, radii, message):
+        with pytest.raises(InputError, match="minimum_points: expected a whole number"):
+            find_clusters(np.ones((4, 2)), 1.0, 0.5, minimum_points=-1, start=start)
         with pytest.raises(InputError, match=message):
             find_clusters(points, *radii, start=start)
 

@@ -46,6 +46,15 @@ def test_what_a_network_brings_with_it_is_not_set_beside_it(network, word):
     refuse_ignored(settings_of(), [word])
 
 
+@pytest.mark.parametrize("word", ["trainer.epochs=5", "++trainer.learning_rate=1", "clustering.clusterings=2", "augmentation.balls=3"])
+def test_how_networks_are_trained_is_not_said_beside_one(network, word):
+    settings, key = settings_of(f"checkpoint={network}"), word.lstrip("+").split("=")[0]
+    with pytest.raises(InputError, match=f"^{key}: expected none beside checkpoint=.*, which was trained before"):
+        refuse_ignored(settings, ["seed=1", word])
+    refuse_ignored(settings, ["trainer.threads=2", "trainer.accelerator=cpu", "debug=fast"])  # how maps are made, too
+    refuse_ignored(settings_of(), [word])
+
+
 @pytest.mark.parametrize("word", ["validation_gap_m=1", "calibration_seeds=[7]", "data.calibrate=[simulated:900050]"])
 def test_how_weights_are_learned_counts_for_maps_that_learn_them(network, word):
     usual = settings_of(f"checkpoint={network}", "mapper=[cvae-hm]")

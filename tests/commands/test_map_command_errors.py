@@ -109,6 +109,12 @@ def test_a_full_disk_leaves_what_was_there(room, tmp_path, monkeypatch, capsys):
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
+@pytest.mark.parametrize(("words", "told"), [(["adapt_steps=-1"], "a whole number"), (["adapt_steps=5", "fill=off"], "0 with fill=off")])
+def test_steps_that_can_not_be_are_told_before_scans_are_read(tmp_path, capsys, words, told):
+    assert map_command.main([f"scans={tmp_path / 'gone.npz'}", f"output={tmp_path / 'out'}", *words]) == 2
+    assert f"adapt_steps: expected {told}" in capsys.readouterr().err
+
+
 def test_a_disk_that_fills_up_while_the_map_is_saved(room, tmp_path):
     """Files of more than 20 kB can't be written, as by a quota: one line, and not even the folders above are left."""
     scans = npz_of(room, tmp_path / "room.npz")

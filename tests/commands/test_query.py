@@ -1,11 +1,15 @@
 """`hilbertvae-query`: what it may replace, and that coordinates come out as they went in."""
 
+import warnings
+
 import numpy as np
 import octomap
 import pytest
 from map_command_toys import npz_of
 
 from hilbertvae.commands import query
+from hilbertvae.mappers import saved_map
+from hilbertvae.mappers.octomap_mapper import read_octree
 from hilbertvae.mapping import MapSettings, make_map
 
 
@@ -84,3 +88,13 @@ def test_coordinates_come_out_as_they_went_in(tree, tmp_path, capsys):
     # Answers can be asked about again: they are a file of points.
     assert query.main([f"map={tree}", f"points={tmp_path / 'said.csv'}"]) == 0
     assert [line.rsplit(",", 3)[0] for line in capsys.readouterr().out.splitlines()[1:]] == lines
+
+
+def test_a_warning_is_a_line(tree, tmp_path, monkeypatch, capsys):
+    """As other commands' are, and not the source of whoever gave it."""
+    np.savetxt(tmp_path / "asked.csv", np.zeros((1, 3)), delimiter=",")
+    monkeypatch.setattr(saved_map, "read_octree", lambda path: (warnings.warn("was filled before", stacklevel=2), read_octree(path))[1])
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert query.main([f"map={tree}", f"points={tmp_path / 'asked.csv'}"]) == 0
+    assert capsys.readouterr().err == "hilbertvae-query: was filled before\n"

@@ -131,3 +131,11 @@ def test_codes_of_counts_rise_and_tell_none_from_some(votes):
     assert (codes[votes == 0] == 0).all() and (codes[votes >= 1] >= 8).all()
     small = votes[votes < 30_000]
     np.testing.assert_allclose(np.expm1(count_code(small) / 12.0), small, rtol=0.05, atol=0.05)
+
+
+def test_weights_beyond_single_precision_stay_votes():
+    cloud = Cloud(np.zeros((2, 2)), np.array([True, True]), np.array([1e39, 1.0]))
+    frames = random_frames(np.random.default_rng(0), 1, 2, turned=False)
+    frames.centre[:] = 0
+    hits, frees = bin_points(cloud, frames, 4)
+    assert np.isfinite(hits).all() and (vote(hits, frees) == OCCUPIED).sum() == 1

@@ -11,8 +11,9 @@ POINTS, OCCUPIED = np.random.default_rng(0).normal(size=(40, 2)) * 5, np.arange(
 def test_constant_answers_the_same_everywhere_and_needs_no_second_class():
     assert (ConstantMapper().fit(POINTS, OCCUPIED).predict_proba(POINTS)[:, 1] == 1.0).all()
     assert (ConstantMapper(0.2).fit(POINTS, np.ones(40, bool)).predict_proba(POINTS)[:, 1] == 0.2).all()
-    with pytest.raises(InputError, match="probability: expected"):
-        ConstantMapper(1.5).fit(POINTS, OCCUPIED)
+    for none in (1.5, -0.1, "a"):
+        with pytest.raises(InputError, match="probability: expected"):
+            ConstantMapper(none).fit(POINTS, OCCUPIED)
 
 
 def test_gap_centre_ranks_by_minus_the_distance():

@@ -16,6 +16,7 @@ from hilbertvae.mappers import evidence, hilbert_map
 from hilbertvae.mappers import mapper as mapper_module
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.saved_map import load_map, save_map
 from hilbertvae.voxel_votes import voxel_index
 from toy_rooms import tiny_grid
 
@@ -88,6 +89,17 @@ def test_without_evidence_only_grids_answer(room):
         mapper.predict_proba(queries)[:, 1], answers_by_loop(mapper, cloud, queries, mapper.grids_), rtol=0, atol=1e-4
     )
     assert mapper.observed(queries).all()
+
+
+def test_whether_evidence_joins_is_settled_by_the_fit(room, tmp_path):
+    cloud = gapped(room)
+    mapper = fit(HilbertMap(reconstructor()), cloud)
+    queries = cloud.points[::50]
+    before = mapper.predict_proba(queries)
+    mapper.set_params(evidence=False)
+    np.testing.assert_array_equal(mapper.predict_proba(queries), before)
+    np.testing.assert_array_equal(load_map(save_map(mapper, tmp_path / "map")).predict_proba(queries), before)
+    assert np.abs(fit(mapper, cloud).predict_proba(queries) - before).max() > 0.01
 
 
 def test_where_nothing_is_known_the_answer_is_exactly_one_half(fitted):

@@ -25,6 +25,27 @@ def test_an_extent_that_no_map_can_have_is_named(room):
         HilbertMap().fit(outlier, np.append(room.fit.occupied, True))
 
 
+def test_a_name_is_no_network(room):
+    with pytest.raises(InputError, match="reconstructor: expected a Reconstructor or None, got '2d'; load_mapper takes a name"):
+        HilbertMap("2d").fit(room.fit.points, room.fit.occupied)
+
+
+def test_masked_values_are_refused(room):
+    """Behind their masks they would count as any other."""
+    mapper, points, occupied = fit(HilbertMap(grid=tiny_grid()), room.fit), room.fit.points, room.fit.occupied
+    for name, given in (
+        ("points", (np.ma.masked_greater(points, 5.0), occupied)),
+        ("y", (points, np.ma.masked_array(occupied, ~occupied))),
+        ("sample_weight", (points, occupied, np.ma.masked_array(np.ones(len(points)), occupied))),
+    ):
+        for learn in (clone(mapper).fit, mapper.partial_fit):
+            with pytest.raises(InputError, match=f"^{name}: expected no masked values, got [0-9]+"):
+                learn(*given)
+    with pytest.raises(InputError, match=r"^queries: expected no masked values, got"):
+        mapper.predict_proba(np.ma.masked_greater(points, 5.0))
+    mapper.predict_proba(np.ma.masked_array(points[:5]))  # of which none is masked
+
+
 def test_answers_before_a_fit():
     with pytest.raises(NotFittedError):
         HilbertMap().predict_proba([[0.0, 0.0]])

@@ -122,6 +122,8 @@ def test_balanced_weight():
         {"penalty": -1.0},
         {"l1_share": 2.0},
         {"occupied_share": 1.0},
+        {"occupied_share": "x"},
+        {"penalty": "x"},
         {"weight_power": -1.0},
     ],
 )

@@ -73,6 +73,17 @@ def test_a_camera_s_poses_without_a_calibration_are_told(tmp_path, step_m, camer
         read_kitti(tmp_path)
 
 
+def test_what_there_is_to_say_of_poses_is_said_once(tmp_path):
+    write_drive(tmp_path, [[[10.0, 2, -1.7]]] * 3, random_poses(3), NAME)
+    times = (3.0, 2.0, 1.0)
+    (tmp_path / "poses.txt").write_text("".join(f"{time} {k} 0 0 0 0 0 1\n" for k, time in enumerate(times)))  # TUM's format
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        read_kitti(tmp_path)
+    said = [str(each.message) for each in found]
+    assert said and len(said) == len(set(said))
+
+
 @pytest.mark.parametrize("line", ["Tr: 1 2 3", "Tr: " + "x " * 12, "Tr: " + "2 " * 12])
 def test_a_calibration_that_is_none(tmp_path, line):
     write_drive(tmp_path, SCANS, random_poses(3), NAME)

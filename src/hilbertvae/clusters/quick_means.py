@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from hilbertvae.checks import InputError, check_points, check_positive
+from hilbertvae.checks import InputError, check_points, check_positive, check_whole
 from hilbertvae.clusters.clusters import Clusters, ball_sizes, flat, search_tree
 from hilbertvae.cores import cores
 
@@ -27,6 +27,7 @@ def quick_means(points: np.ndarray, outer_radius_m: float, inner_radius_m: float
     points = check_points(points, "points")
     check_positive(outer_radius_m, "outer_radius_m")
     check_positive(inner_radius_m, "inner_radius_m")
+    check_whole(minimum_points, "minimum_points")
     if inner_radius_m > outer_radius_m:
         raise InputError(f"inner_radius_m: expected at most outer_radius_m ({outer_radius_m}), got {inner_radius_m}")
     tree = search_tree(points)

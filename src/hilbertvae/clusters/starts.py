@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_points, check_positive
+from hilbertvae.checks import InputError, check_points, check_positive, check_whole
 from hilbertvae.clusters.ask_means import ask_means
 from hilbertvae.clusters.clusters import Clusters, clusters_around
 from hilbertvae.clusters.kmeans_parallel import kmeans_parallel
@@ -63,6 +63,7 @@ def find_clusters(
     points = check_points(points, "points")
     check_positive(outer_radius_m, "outer_radius_m")
     check_positive(inner_radius_m, "inner_radius_m")
+    check_whole(minimum_points, "minimum_points")
     if inner_radius_m > outer_radius_m:
         raise InputError(f"inner_radius_m: expected at most outer_radius_m ({outer_radius_m}), got {inner_radius_m}")
     return clusters_around(points, STARTS[start](points, inner_radius_m, seed), outer_radius_m, minimum_points)

@@ -8,6 +8,7 @@ import inspect
 import os
 import sys
 import textwrap
+import warnings
 from typing import TypeVar
 
 from omegaconf import OmegaConf
@@ -100,7 +101,8 @@ def run_command(command: str, kind: type[T], about: str, run, words: list[str] |
         if not words or {"-h", "--help"} & set(words):
             print(keyword_help(command, kind, about), flush=True)
             return 0 if words else 2
-        with stopped_by_signals():
+        with stopped_by_signals(), warnings.catch_warnings():
+            warnings.showwarning = lambda message, *rest, **named: print(f"{command}: {message}", file=sys.stderr)
             run(settings_of(kind, words))
     except KeyboardInterrupt:
         print(f"{command}: stopped", file=sys.stderr)

@@ -44,6 +44,8 @@ OF_A_NETWORK = ("network", "grid", "start", "likelihood", "calibration_occupied_
 """Settings that lie in the file of a network."""
 OF_ITS_WEIGHTS = ("validation_gap_m", "calibration_seeds", "data.calibrate")
 """Settings of how a map's weights are learned, which lie there too and count for maps that need others."""
+OF_A_TRAINING, OF_A_SCORING_TOO = ("augmentation.", "clustering.", "trainer."), ("trainer.threads", "trainer.accelerator")
+"""Settings of how a network is trained, and those of them that say how maps are made, too."""
 
 store = ConfigStore.instance()
 # The network is missing there, so that a choice of another kind meets no default of this one; and the voxels are those of the dimension
@@ -83,6 +85,8 @@ def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
         if key.partition(".")[0] in OF_A_NETWORK:
             at_hand = "; `mapper.<name>.inner_radius_m` is a map's own" if key in ("start", "grid") or key.startswith("grid.") else ""
             raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its own{at_hand}")
+        if key.startswith(OF_A_TRAINING) and key not in OF_A_SCORING_TOO:
+            raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which was trained before")
         if key in OF_ITS_WEIGHTS and not any({"neighbours", "inner_radius_m"} & {*one} for one in settings.mapper.values() if one):
             anew = "they are learned anew for maps with `neighbours` or `inner_radius_m` of their own"
             raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its map's weights; {anew}")

@@ -21,6 +21,8 @@ COUNT_STEPS = 12
 """Steps in which counts are kept for each power of e."""
 SLACK = 1e-9
 """Of a cell: keeps points on a lattice plane, such as voxel centres of an aligned box, from falling a cell short by rounding."""
+MOST_WEIGHT = 1e30
+"""What a point counts for at most: sums of larger weights would be no numbers in single precision, and cells of theirs free."""
 CELLS_AT_ONCE = 2**18
 """Cells counted at a time: few enough that they and their points stay in the processor's cache. Changes no number."""
 
@@ -96,7 +98,7 @@ def count_votes(cloud: Cloud, found: Members, shape: tuple[int, ...]) -> tuple[n
     """(hits, frees), each (B, *shape) float32, as of `bin_points`, of the frames found."""
     grids, size = found.count(), int(np.prod(shape))
     flat = (cloud.occupied[found.point] * grids + found.box) * size + found.cell
-    portion = np.bincount(flat, weights=cloud.weight[found.point], minlength=2 * grids * size)
+    portion = np.bincount(flat, weights=np.minimum(cloud.weight[found.point], MOST_WEIGHT), minlength=2 * grids * size)
     frees, hits = portion.astype(np.float32).reshape(2, grids, *shape)
     return hits, frees
 

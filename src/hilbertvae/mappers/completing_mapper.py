@@ -67,6 +67,8 @@ class CompletingMapper(Mapper):
 
     def _check_network(self, dimension: int) -> None:
         """What may have been set since the map was begun, too."""
+        if not (self.reconstructor is None or hasattr(self.reconstructor, "dimension")):  # a loaded map's is found when it is asked
+            raise InputError(f"reconstructor: expected a Reconstructor or None, got {self.reconstructor!r}; load_mapper takes a name")
         if self.reconstructor is not None and self.reconstructor.dimension != dimension:
             raise InputError(f"points: the network is for {self.reconstructor.dimension}D, got {dimension}D points")
         check_device(self.device)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_not_negative
 from hilbertvae.mappers.mapper import Mapper
 
 
@@ -27,7 +27,7 @@ class ConstantMapper(_DeafMapper):
         self.probability = probability
 
     def _fit(self, points, occupied, weight):
-        if not 0 <= self.probability <= 1:
+        if check_not_negative(self.probability, "probability") > 1:
             raise InputError(f"probability: expected a number from 0 to 1, got {self.probability!r}")
 
     def _probability(self, queries):

@@ -40,16 +40,20 @@ class HilbertMap(GrowingMapper):
     Parameters
     ----------
     reconstructor: a `Reconstructor`, or None for the raw grids (the paper's "naive approach").
-    weights: `rank` (learned on the validation site, kept with the network), `unit`, or `cluster` (refitted on this site).
+    weights: `rank` (learned on the validation site, kept with the network), `unit`, or `cluster` (refitted on this site). Raw grids, and
+        a network without learned weights, have `unit` ones in the place of `rank`, and no calibration.
     calibration: the reading that `rank` weights were fitted on: `voxels`, for probabilities, or `points`, for the cut of 0.6.
     neighbours: K, how many grids answer a query. `rank` weights belong to one K and are learned anew for another (`calibration.py`).
     inner_radius_m: how far clusters stand apart; as in training unless given.
     flips: symmetries over which a reconstruction is averaged, 1, 2, 4 or 8; `FLIPS` of the dimension unless given.
     fill: without, there are no grids, and the map has what was observed alone.
     evidence: whether what was observed in a query's voxel is added; the paper's own map knows only its grids.
+    ridge: of the `cluster` rule, towards the `rank` weights.
     grid, resolution_m: as the network was trained, unless given; without one, boxes of some 6.4 m and cells that are voxels.
     adapt_steps: for how many steps the network goes on learning from the site itself in `fit`, from gaps cut for that (`adaptation.py`).
         50 bring most of what there is to gain, in seconds to half a minute in 2D, by processor; 0, the default, leaves it as it is.
+    seed: of where clusters are. device: where the network computes, `cpu` or `cuda`.
+    All take effect with the next `fit`.
     """
 
     _index = None
@@ -125,6 +129,7 @@ class HilbertMap(GrowingMapper):
             self.grid_ = replace(self.grid_, inner_radius_m=self.inner_radius_m)
         self.grid_.check()
         self.evidence_ = Evidence(cloud.points, cloud.occupied, cloud.weight, resolution_m)
+        self.evidence_joins_ = bool(self.evidence)
         self.rank_weights_ = self._rank_weights()
         self.small_seeds_ = self._growing = self.adapted_ = None
 
@@ -137,7 +142,7 @@ class HilbertMap(GrowingMapper):
             raise InputError(f"neighbours: the weights were learned for {len(weights.unseen) - 1}, got {self.neighbours}")
         if len(weights.seen) != self.evidence_.feature_count + 2:
             raise InputError("checkpoint: the Hilbert Map's weights were learned by another version; train again")
-        return weights if self.evidence else weights.grids_alone()
+        return weights if self.evidence_joins_ else weights.grids_alone()
 
     def _cluster_factors(self, cloud: Cloud) -> np.ndarray:
         """The `cluster` rule's factors, from gaps hidden from the network for this fit alone: else copying would look like skill."""
@@ -158,7 +163,7 @@ class HilbertMap(GrowingMapper):
         """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, the evidence
         (S, F) of those whose was, and how far away (Q,) returns are from those that no box holds (`Evidence.away`)."""
         phi = self._features(queries, *self._look_up(queries, self.grids_))
-        away, beyond = np.full(len(queries), np.inf), (phi[1] == 0) & ~phi[2] & (self.evidence and self.fill)
+        away, beyond = np.full(len(queries), np.inf), (phi[1] == 0) & ~phi[2] & (self.evidence_joins_ and self.fill)
         away[beyond] = self.evidence_.away(queries[beyond])
         return *phi, away
 
@@ -170,7 +175,7 @@ class HilbertMap(GrowingMapper):
     def _features(self, queries, holding, values):
         if self.factors_ is not None:
             values *= np.where(holding != NONE, self.factors_[holding], 0.0)
-        voxel = self.evidence_.find(queries) if self.evidence else np.full(len(queries), NONE)
+        voxel = self.evidence_.find(queries) if self.evidence_joins_ else np.full(len(queries), NONE)
         seen = voxel != NONE
         return values, (holding != NONE).sum(axis=1), seen, self.evidence_.features(queries[seen], voxel[seen])
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import expit
 from sklearn.utils.validation import check_is_fitted
 
-from hilbertvae.checks import InputError, check_count, check_positive
+from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive
 from hilbertvae.mappers.mapper import Mapper
 
 INTERCEPT_PACE = 0.01
@@ -148,9 +148,8 @@ class LogisticMapper(Mapper):
         for name in ("epochs", "batch_size"):
             check_count(getattr(self, name), name)
         for name in ("penalty", "weight_power"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise InputError(f"{name}: expected a number of at least 0, got {getattr(self, name)!r}")
-        if not 0 <= self.l1_share <= 1:
+            check_not_negative(getattr(self, name), name)
+        if check_not_negative(self.l1_share, "l1_share") > 1:
             raise InputError(f"l1_share: expected a share from 0 to 1, got {self.l1_share!r}")
-        if self.occupied_share is not None and not 0 < self.occupied_share < 1:
+        if self.occupied_share is not None and check_positive(self.occupied_share, "occupied_share") >= 1:
             raise InputError(f"occupied_share: expected a share between 0 and 1, or None, got {self.occupied_share!r}")

@@ -16,7 +16,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from hilbertvae.checks import InputError, check_whole
+from hilbertvae.checks import InputError, check_whole, refuse_masked
 from hilbertvae.cores import FEW, cores
 
 OCCUPIED_ABOVE = 0.6
@@ -176,6 +176,8 @@ class Mapper(ClassifierMixin, BaseEstimator):
 
     def _checked_cloud(self, points, y, sample_weight, first: bool = True):
         check_whole(getattr(self, "seed", 0), "seed")
+        for name, values in (("points", points), ("y", y), ("sample_weight", sample_weight)):
+            refuse_masked(values, name)
         try:
             points, y = validate_data(self, points, y, dtype=np.float64, reset=first)
             check_classification_targets(y)
@@ -188,6 +190,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
         return (points, y, weight) if counts.all() else (points[counts], y[counts], weight[counts])
 
     def _checked(self, queries):
+        refuse_masked(queries, "queries")
         try:
             queries = validate_data(self, queries, reset=False, dtype=np.float64, ensure_min_samples=0)
         except ValueError as error:

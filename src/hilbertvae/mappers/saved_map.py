@@ -51,7 +51,11 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
     mapper.settle()
     network = mapper.adapted_ or mapper.reconstructor
     described = {
-        "mapper": {**{name: getattr(mapper, name) for name in SETTINGS}, "grid": None if mapper.grid is None else asdict(mapper.grid)},
+        "mapper": {
+            **{name: getattr(mapper, name) for name in SETTINGS},
+            "evidence": mapper.evidence_joins_,
+            "grid": None if mapper.grid is None else asdict(mapper.grid),
+        },
         "dimension": mapper.n_features_in_,
         "classes": mapper.classes_.tolist(),
         "grid": asdict(mapper.grid_),
@@ -116,6 +120,7 @@ def _restored(described: dict, arrays: dict[str, np.ndarray], checkpoint: str | 
     dimension = described["dimension"]
     if dimension not in (2, 3) or not isinstance(dimension, int):
         raise InputError(f"dimension: expected 2 or 3, got {str(dimension)[:40]}")
+    mapper.evidence_joins_ = mapper.evidence
     mapper.grid_, mapper.flips_ = _grid(described["grid"]), described["flips"]
     mapper.check_settings()
     evidence = {name.removeprefix(EVIDENCE): array for name, array in arrays.items() if name.startswith(EVIDENCE)}

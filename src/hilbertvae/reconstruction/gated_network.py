@@ -1,4 +1,4 @@
-"""The default network: a residual auto-encoder that leaves full resolution early, with skips gated by what was observed."""
+"""Our network: a residual auto-encoder that leaves full resolution early, with skips gated by what was observed."""
 
 from __future__ import annotations
 

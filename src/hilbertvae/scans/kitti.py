@@ -53,10 +53,15 @@ def read_kitti(
     if there and calibration is None and poses is None:
         warnings.warn(f"{folder / CALIBRATION}: no line Tr:, so {POSES} is taken to have the lidar's poses, not the camera's", stacklevel=3)
     scans = read_posed_scans(files, folder / POSES, beam_origin, max_range_m, min_range_m, every, poses, calibration)
-    if calibration is None and poses is None and _goes_up(read_poses(folder / POSES)):
-        warnings.warn(
-            f"{folder / POSES}: poses go up rather than ahead: are they the camera's? Put KITTI's {CALIBRATION} beside them", stacklevel=3
-        )
+    if calibration is None and poses is None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what there is to say of the file was said when the scans were placed
+            path = read_poses(folder / POSES)
+        if _goes_up(path):
+            warnings.warn(
+                f"{folder / POSES}: poses go up rather than ahead: are they the camera's? Put KITTI's {CALIBRATION} beside them",
+                stacklevel=3,
+            )
     return scans
 
 
