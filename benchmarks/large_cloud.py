@@ -22,7 +22,7 @@ from measuring import arguments, report, seconds_of, stage_seconds, target
 from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.mappers import completing_mapper, hilbert_map
-from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.hilbert_map import FLIPS, HilbertMap
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.likelihood import LikelihoodSettings
 from hilbertvae.reconstruction.networks import build_network
@@ -108,13 +108,14 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--dimension", type=int, choices=(2, 3), default=2)
     parser.add_argument("--points", type=int, nargs="+", default=[10_000_000])
     parser.add_argument("--queries", type=int, default=1_000_000)
-    parser.add_argument("--flips", type=int, default=4, help="symmetries over which a reconstruction is averaged")
+    parser.add_argument("--flips", type=int, help="symmetries over which a reconstruction is averaged; as maps have it unless given")
     parser.add_argument("--checkpoint")
     parser.add_argument("--child", action="store_true", help="do the work here and print the numbers as JSON")
     given = parser.parse_args(words)
-    counts, flips, queries = ([10_000, 20_000], 1, 20_000) if given.quick else (given.points, given.flips, given.queries)
+    flips = given.flips or FLIPS[given.dimension]
+    counts, flips, queries = ([10_000, 20_000], 1, 20_000) if given.quick else (given.points, flips, given.queries)
     if given.child:
-        print(json.dumps(work(given.dimension, given.points[0], given.flips, given.queries, given.checkpoint)))
+        print(json.dumps(work(given.dimension, given.points[0], flips, given.queries, given.checkpoint)))
         return
     rows = [measured(given.dimension, points, flips, queries, given.checkpoint) for points in sorted(counts)]
     largest, wanted_gb = rows[-1], WANTED_GB[given.dimension]
