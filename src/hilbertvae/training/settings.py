@@ -134,7 +134,7 @@ class Settings:
     calibration_occupied_weight: float = OCCUPIED_WEIGHT
     """How many points one that is occupied counts for, where those weights are learned on points; 1 is the paper's Eq. 15."""
     flips: int | None = None
-    """Symmetries over which the network of the run is averaged, in learning the Hilbert Map's weights and in its maps: 1, 2, 4 or 8; 2 in
+    """Symmetries over which the network of the run is averaged, in learning the Hilbert Map's weights and in its maps: 1, 2, 4 or 8; 4 in
     2D and 1 in 3D unless given."""
     device: str = "auto"
     """Where networks fill maps, in learning the Hilbert Map's weights and in scoring: `cpu`, `cuda`, or `auto`, where the run would train
