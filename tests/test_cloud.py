@@ -160,6 +160,7 @@ def test_points_cloud_is_fixed_by_its_seed_and_uniform():
     assert (first.points != other.points).any()
     quarter = np.histogram(first.points[~first.occupied, 0], bins=4, range=(0, 39.9))[0]
     np.testing.assert_allclose(quarter / quarter.sum(), 0.25, atol=0.04)  # 4000 points: one standard deviation is 0.007
+    assert 39.8 < first.points[~first.occupied, 0].max() <= 39.9  # a cell short of the return
 
 
 def test_cloud_from_scans_takes_lists_and_arrays(room):

@@ -154,3 +154,8 @@ def test_nothing_to_put_gaps_around():
 def test_diameters_that_are_no_range(room, diameter_m):
     with pytest.raises(InputError, match="gap diameters: expected one in metres, or the smallest and the largest"):
         random_gaps(room.fit, diameter_m, 0.1, seed=0)
+
+
+def test_diameters_are_uniform_in_their_range(room):
+    radii = np.concatenate([random_gaps(room.fit, (0.4, 1.2), 0.1, seed).radius_m for seed in range(40)])
+    np.testing.assert_allclose(np.quantile(radii, [0.1, 0.5, 0.9]), [0.24, 0.4, 0.56], rtol=0, atol=0.06)

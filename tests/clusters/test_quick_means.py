@@ -4,6 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hilbertvae.checks import InputError
+from hilbertvae.clusters import clusters as clusters_module
+from hilbertvae.clusters import quick_means as walk
 from hilbertvae.clusters.quick_means import quick_means
 
 
@@ -95,3 +97,22 @@ def test_clusters_too_small_to_keep():
 def test_bad_input_is_named(points, radii, message):
     with pytest.raises(InputError, match=message):
         quick_means(points, *radii)
+
+
+@pytest.mark.parametrize("at_once", [1, 8, 1024])
+def test_one_permutation_is_walked_and_consumed_points_are_skipped(room, monkeypatch, at_once):
+    """Stretch by stretch, of which a site takes several."""
+    monkeypatch.setattr(walk, "LIVE_AT_ONCE", at_once)
+    returns, seeds = room.fit.points[room.fit.occupied], []
+    for k in np.random.default_rng(3).permutation(len(returns)):
+        if not seeds or np.linalg.norm(returns[seeds] - returns[k], axis=1).min() > 0.5:
+            seeds.append(k)
+    np.testing.assert_array_equal(quick_means(returns, 1.0, 0.5, 0, seed=3).seeds, returns[seeds])
+
+
+def test_members_are_whole_balls_in_every_portion_of_seeds(room, monkeypatch):
+    returns = room.fit.points[room.fit.occupied]
+    monkeypatch.setattr(clusters_module, "SEEDS_AT_ONCE", 3)
+    found = quick_means(returns, 1.0, 0.5, 0)
+    balls = [np.flatnonzero(np.linalg.norm(returns - seed, axis=1) <= 1.0) for seed in found.seeds]
+    np.testing.assert_array_equal(found.members, np.concatenate(balls))

@@ -7,7 +7,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.clusters.starts import STARTS
 from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN, IndexedCloud, bin_places, bin_points, count_code
-from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, find_frames, labels_of, voxel_grid
+from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, bin_voted, find_frames, labels_of, voxel_grid
 from toy_rooms import tiny_grid
 
 
@@ -102,3 +102,12 @@ def test_cells_of_voxels(resolution_m, cells):
     grid.check()
     assert grid.cells == cells and grid.cell_m == pytest.approx(resolution_m)
     assert (grid == GridSettings()) == (resolution_m == 0.1)
+
+
+def test_votes_are_hits_and_a_share_of_frees(place):
+    grid, cloud = tiny_grid(place.dimension), place.fit
+    frames = find_frames(cloud, grid, 0)
+    hits, frees = bin_points(cloud, frames, grid.cells)
+    found = bin_voted(cloud, frames, grid, 0.25)
+    np.testing.assert_array_equal(found[:, 0], bin_grids(cloud, frames, grid))
+    np.testing.assert_array_equal(found[:, 1], count_code(hits + 0.25 * frees))

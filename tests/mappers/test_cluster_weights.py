@@ -1,8 +1,12 @@
 """The `cluster` rule: a Hilbert Map's own weight for each cluster, refitted on the site that it maps."""
 
+import numpy as np
 import pytest
-from hilbert_map_toys import fit, gapped, reconstructor
+from hilbert_map_toys import FEATURES, fit, gapped, reconstructor
 
+from hilbertvae.gaps import OUTSIDE, random_gaps
+from hilbertvae.grids.cluster_grids import bin_grids
+from hilbertvae.grids.kernel import FrameIndex, kernel
 from hilbertvae.mappers import hilbert_map
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.weights import fit_cluster_weights
@@ -34,3 +38,33 @@ def test_cluster_weights_for_points_count_occupied_points_twice(room, monkeypatc
     fit(HilbertMap(reconstructor(), weights="cluster", calibration=calibration), gapped(room))
     ((occupied, counts),) = given
     assert set(counts[occupied]) == {share} and set(counts[~occupied]) == {1}
+
+
+@pytest.mark.parametrize("level", [True, False])
+def test_factors_are_learned_from_what_was_hidden_alone(room, monkeypatch, level):
+    """With all factors 1 what they are fitted to is the map's own logit, by grids that never saw a point of it."""
+    given, made, cloud = [], reconstructor(), gapped(room)
+    monkeypatch.setattr(hilbert_map, "fit_cluster_weights", lambda *known: given.append(known) or fit_cluster_weights(*known))
+    made.weights["voxels"]["level"] = level
+    mapper = fit(HilbertMap(made, weights="cluster", ridge=7.0), cloud)
+    ((values, _, offset, rank_weights, occupied, clusters, ridge, _),) = given
+    part = random_gaps(cloud, 2.5, 0.1, seed=0).part(cloud.points)
+    shown, hidden = cloud.select(part == OUTSIDE), cloud.select(part != OUTSIDE)
+    grids = made.complete(bin_grids(shown, mapper.frames_, mapper.grid_), mapper.flips_).value
+    holding = FrameIndex(mapper.frames_).holding(hidden.points, 5)
+    unseen = np.zeros(len(hidden), bool), np.empty((0, FEATURES))
+    expected = mapper.rank_weights_.logit(kernel(grids, mapper.frames_, hidden.points, holding), (holding >= 0).sum(axis=1), *unseen)
+    np.testing.assert_array_equal(occupied, hidden.occupied)
+    np.testing.assert_allclose(offset + (values * rank_weights).sum(axis=1), expected, rtol=0, atol=1e-5)
+    assert (clusters, ridge) == (len(mapper.frames_), 7.0)
+
+
+def test_a_query_that_counts_for_three_is_there_three_times():
+    rng = np.random.default_rng(0)
+    values, offset, holding = rng.normal(size=(80, 2)), rng.normal(size=80), np.array([rng.permutation(3)[:2] for _ in range(80)])
+    occupied, rank_weights = rng.random(80) < 0.5, np.array([0.8, 0.4])
+    counts = np.where(occupied, 3, 1)
+    found = fit_cluster_weights(values, holding, offset, rank_weights, occupied, 3, 5.0, counts)
+    many = (np.repeat(each, counts, axis=0) for each in (values, holding, offset))
+    expected = fit_cluster_weights(*many, rank_weights, np.repeat(occupied, counts), 3, 5.0)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)

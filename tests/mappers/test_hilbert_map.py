@@ -207,6 +207,13 @@ def test_what_would_be_known(fitted):
     assert (found[observed] == 1).all() and (found[~observed & ~reached] == 0).all()
     between = found[~observed & reached]
     assert len(between) and ((between > 0) & (between < 1)).all() if mapper.known_ is not None else (between == 1).all()
+    if mapper.known_ is None:
+        return
+    holding = mapper.index_.holding(queries, mapper.neighbours)
+    for query, boxes, one in zip(queries[~observed], holding[~observed], found[~observed], strict=True):
+        in_each = [(m, (query - low[m]) / (high[m] - low[m]) * mapper.grid_.cells) for m in boxes[boxes >= 0]]
+        said = [mapper.known_[(m, *inside.astype(int))] / 255 for m, inside in in_each]
+        assert one == pytest.approx(np.mean(said) if said else 0.0, abs=1e-6)
 
 
 def test_a_map_shows_nothing_where_no_scan_would_see(fitted):

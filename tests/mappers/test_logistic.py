@@ -7,6 +7,7 @@ from sklearn.linear_model import LogisticRegression
 
 from hilbertvae.checks import InputError
 from hilbertvae.mappers.fixed_grid import FixedGridMapper
+from hilbertvae.mappers.lard import LardMapper
 from hilbertvae.mappers.logistic import INTERCEPT_PACE, balanced_weight, fit_logistic
 
 
@@ -130,3 +131,17 @@ def test_balanced_weight():
 def test_bad_settings_are_refused(setting):
     with pytest.raises(InputError, match=f"{next(iter(setting))}: expected"):
         FixedGridMapper(**setting).fit([[0.0, 0.0], [1.0, 0.0]], [False, True])
+
+
+@pytest.mark.parametrize("mapper", [LardMapper(), FixedGridMapper(penalty=1e-3, l1_share=0.5, weight_power=0.3)], ids=["lard", "hm"])
+def test_weights_are_those_of_the_descent_that_the_settings_describe(mapper):
+    """LARD-HM has no regulariser (METHOD 6)."""
+    rng = np.random.default_rng(0)
+    points, weight = rng.uniform(0, 5, (400, 2)), rng.integers(1, 50, 400).astype(float)
+    occupied, chosen = points[:, 0] < 1, mapper.get_params()
+    mapper.fit(points, occupied, weight)
+    how = {name: chosen[name] for name in ("epochs", "batch_size", "rate", "seed", "penalty", "l1_share") if name in chosen}
+    balanced = balanced_weight(weight, occupied, chosen["weight_power"], chosen["occupied_share"])
+    weights, intercept = fit_logistic(mapper.features_(points), occupied, balanced, **how)
+    np.testing.assert_array_equal(mapper.weights_, weights)
+    assert mapper.intercept_ == intercept

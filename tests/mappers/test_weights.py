@@ -11,6 +11,7 @@ from sklearn.linear_model import LogisticRegression
 
 from hilbertvae.checks import InputError
 from hilbertvae.mappers.weights import (
+    NAMES,
     OCCUPIED_WEIGHT,
     RankWeights,
     fit_cluster_weights,
@@ -271,3 +272,17 @@ def test_what_an_occupied_point_counted_for_goes_with_the_weights():
     assert RankWeights.from_plain(plain | {"occupied_weight": 1.0}).plain()["occupied_weight"] == 1.0
     del plain["occupied_weight"]  # as those that were learned before it was kept
     assert RankWeights.from_plain(plain).occupied_weight == OCCUPIED_WEIGHT
+
+
+def test_an_occupied_query_that_counts_for_two_is_there_twice():
+    rng = np.random.default_rng(0)
+    held = rng.integers(0, 4, 600)
+    values = np.where(np.arange(3) < held[:, None], rng.normal(size=(600, 3)), 0.0)
+    seen, occupied = rng.random(600) < 0.5, rng.random(600) < 0.4
+    evidence, away = rng.normal(size=(600, 2)), np.where(rng.random(600) < 0.5, rng.uniform(0, 2.5, 600), np.inf)
+    twice = np.repeat(np.arange(600), np.where(occupied, 2, 1))
+    found = fit_rank_weights(values, held, seen, evidence[seen], away, occupied, 2.0)
+    other = fit_rank_weights(values[twice], held[twice], seen[twice], evidence[twice][seen[twice]], away[twice], occupied[twice])
+    for name in NAMES:
+        np.testing.assert_allclose(getattr(found, name), getattr(other, name), rtol=0, atol=1e-5)
+    assert (found.everywhere >= 0).all() and (found.everywhere[:3] == 0).any()  # noise: some would be negative if they could

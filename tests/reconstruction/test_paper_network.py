@@ -77,16 +77,9 @@ def test_tied_weights_are_one_and_the_same():
 
 
 def test_tied_decoder_is_the_transpose_of_the_encoder():
-    """<W x, y> = <x, W^T y> for each level's convolution, biases aside."""
+    """Each level's transposed convolution, in reverse, after a nearest resize."""
     network = small(tied=True)
     torch.manual_seed(2)
-    for level, convolve in enumerate(network.encoder):
-        padding = network.settings.kernels[level] // 2
-        x, y = torch.randn(1, convolve.in_channels, 8, 8), torch.randn(1, convolve.out_channels, 8, 8)
-        forward = nn.functional.conv2d(x, convolve.weight, padding=padding)
-        back = nn.functional.conv_transpose2d(y, convolve.weight, padding=padding)
-        torch.testing.assert_close((forward * y).sum(), (x * back).sum(), rtol=1e-4, atol=1e-4)
-    # And the decoder is those, in reverse, each after a nearest resize.
     z = torch.randn(2, 6)
     x = torch.relu(network.expand(z)).reshape(2, *network.bottom)
     for level in (1, 0):
@@ -155,3 +148,22 @@ def test_dropout_only_in_training():
 def test_settings_that_make_no_network(settings, cells, message):
     with pytest.raises(InputError, match=message):
         small(cells=cells, **settings)
+
+
+def test_the_encoder_is_convolution_relu_and_the_largest_of_four():
+    network = small().eval()
+    found, x = network(codes()), codes()[:, None].float()
+    for convolve, padding in zip(network.encoder, (2, 1), strict=True):
+        x = nn.functional.conv2d(x, convolve.weight, convolve.bias, padding=padding).clamp_min(0)
+        x = x.unfold(2, 2, 2).unfold(3, 2, 2).amax(dim=(-1, -2))
+    x = x.flatten(1)
+    torch.testing.assert_close(found.mean, x @ network.mean.weight.T + network.mean.bias)
+    torch.testing.assert_close(found.std, torch.log1p(torch.exp(x @ network.spread.weight.T + network.spread.bias)) + 1e-6)
+
+
+def test_dropout_is_the_share_that_is_dropped():
+    network, seen = small(dropout=0.8), []
+    network.mean.register_forward_pre_hook(lambda module, inputs: seen.append(inputs[0]))
+    network.eval()(codes(batch=300))
+    network.train()(codes(batch=300))
+    assert (seen[1][seen[0] > 0] == 0).float().mean().item() == pytest.approx(0.8, abs=0.02)

@@ -204,3 +204,18 @@ def test_a_detailed_network_over_symmetries_by_hand(tmp_path, dimension):
     plain = grids.copy()
     plain[:, 1:] = 0
     assert (made.reconstruct(plain) != made.reconstruct(grids)).any()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("flips", [1, 4, 8])
+def test_what_would_be_known_over_symmetries_by_hand(dimension, flips):
+    made = tiny_reconstructor(dimension)
+    grids = np.random.default_rng(0).integers(-1, 2, (5, *(16,) * dimension)).astype(np.int8)
+    total, turns = np.zeros(grids.shape), [(swap, axes) for swap in (False, True) for axes in ((), (0,), (1,), (0, 1))]
+    for swap, axes in turns[:flips]:
+        moved = np.flip(grids.swapaxes(1, 2) if swap else grids, [axis + 1 for axis in axes])
+        known = np.flip(made.complete(np.ascontiguousarray(moved), flips=1).known, [axis + 1 for axis in axes])
+        total += known.swapaxes(1, 2) if swap else known
+    found, unknown = made.complete(grids, flips=flips).known, grids == 0
+    np.testing.assert_allclose(found[unknown], total[unknown] / flips, rtol=0, atol=1.01)  # each was rounded
+    assert found[unknown].std() > 2 and (found[~unknown] == 255).all()

@@ -126,3 +126,18 @@ def test_what_scans_that_were_left_out_saw_teaches_voxels_too(place, learning):
     for found, queries in zip(mapper.asked[4:], asked, strict=True):
         np.testing.assert_array_equal(found, queries)
     assert learned["points"] == learning[1]["points"] and learned["voxels"] != learning[1]["voxels"]
+
+
+def test_points_take_from_voxels_what_is_beyond_all_boxes(room, monkeypatch):
+    whole = calibration.fit_rank_weights
+    monkeypatch.setattr(calibration, "fit_rank_weights", lambda *known: replace(whole(*known), beyond=np.full(2, known[-1])))
+    learned = learn_rank_weights(HilbertMap(tiny_reconstructor()), [room], 1.2, [100], occlusion=False)
+    assert learned["points"]["beyond"] == learned["voxels"]["beyond"] == [1.0, 1.0]
+
+
+def test_many_sites_teach_by_as_many_queries_as_one(room, monkeypatch):
+    asked, whole = [], calibration.fit_rank_weights
+    monkeypatch.setattr(calibration, "MOST_QUERIES", 400)
+    monkeypatch.setattr(calibration, "fit_rank_weights", lambda *known: asked.append(len(known[0])) or whole(*known))
+    learn_rank_weights(HilbertMap(tiny_reconstructor()), [room, replace(room, name="other")], 1.2, [100, 101], occlusion=False)
+    assert asked == [400, 400]

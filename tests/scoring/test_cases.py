@@ -42,3 +42,11 @@ def test_of_a_large_region_some_are_scored_and_the_same_ones_each_time(box, monk
         assert {tuple(point) for point in some.points[some.regions[region]]} <= whole
     near, above = (set(some.regions[f"gaps-{side}-ground"].tolist()) for side in ("near", "above"))
     assert near | above == set(some.regions["gaps"].tolist()) and not near & above
+
+
+def test_above_ground_is_higher_than_forty_centimetres(box):
+    asked = gap_case(box, random_gaps(box.fit, 1.5, box.resolution_m, 0)).asked["points"]
+    above = box.ground.height_above(asked.points) > 0.4
+    for region in ("observed", "gaps"):
+        chosen = asked.regions[region]
+        np.testing.assert_array_equal(asked.regions[f"{region}-above-ground"], chosen[above[chosen]])

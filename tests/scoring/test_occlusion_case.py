@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 
 from hilbertvae.cloud import fit_cloud
 from hilbertvae.mappers.constant import ConstantMapper
-from hilbertvae.scoring.cases import occluded_parts
+from hilbertvae.scoring import cases
+from hilbertvae.scoring.cases import occluded_parts, occlusion_case
 from hilbertvae.scoring.metrics import score
 from hilbertvae.scoring.protocol import Protocol, evaluate
 from hilbertvae.site import Site
@@ -98,3 +99,15 @@ def test_occlusion_by_brute_force(near_sighted):
             answer = np.where(distance < 0.15, given[1][nearest], 0.5)
             for metric, value in score(site.voxels.occupied[chosen], answer).items():
                 assert found[row][metric] == [pytest.approx(value, abs=1e-12)], (row, metric)
+
+
+def test_of_a_large_region_some_are_scored_in_their_bands(near_sighted, monkeypatch):
+    region, kept = next(iter(occluded_parts(near_sighted.scans, 4).items()))
+    every = occlusion_case(near_sighted, region, kept).asked["voxels"]
+    most = len(every.points) // 3
+    monkeypatch.setattr(cases, "MOST_SCORED", most)
+    some = occlusion_case(near_sighted, region, kept).asked["voxels"]
+    scored = {tuple(point) for point in some.points}
+    assert len(scored) == most
+    for row, chosen in every.regions.items():
+        assert {tuple(point) for point in some.points[some.regions[row]]} == {tuple(point) for point in every.points[chosen]} & scored

@@ -8,6 +8,7 @@ from training_toys import TRAINER, tiny_settings
 
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment
+from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSettings
 from hilbertvae.reconstruction.likelihood import Bernoulli, LikelihoodSettings, free_bits, kl_divergence, known_nll
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.training.reconstruction_module import ReconstructionModule
@@ -51,7 +52,18 @@ def test_the_loss_is_equation_6(logged, step, weight):
     assert logged["train/known_nll_per_grid"] == pytest.approx(dull.item(), rel=1e-5)
     assert logged["train/nll_per_grid"] == pytest.approx(nll.item(), rel=1e-5)
     assert logged["train/kl_nats"] == pytest.approx(kl.sum(dim=1).mean().item(), rel=1e-4)
-    assert 0 <= logged["train/active_latents"] <= 3
+
+
+def test_kl_is_paid_against_the_learned_prior_at_its_weight(logged):
+    network = ConditionalNetworkSettings(stem=2, channels=[4, 8], blocks=[1, 1], latent=3)
+    module = module_of(5, network=network, trainer=replace(TRAINER, kl_weight=0.5, free_nats=0.2)).train()
+    loss = module.training_step(pairs(), 0)
+    torch.manual_seed(hash((0, 5, 0)) % 2**63)
+    shown, target = augment(*pairs(), module.settings.augmentation, 2)
+    found = module.network(shown, target)
+    fit = Bernoulli(module.settings.likelihood)(found.output, target, shown).mean() + 0.03 * known_nll(found.known, target, shown).mean()
+    kl = kl_divergence(found.mean, found.std, found.prior)
+    assert loss.item() == pytest.approx((fit + 0.5 * free_bits(kl, 0.2)).item(), rel=1e-5)
 
 
 def test_an_auto_encoder_pays_no_kl(logged):

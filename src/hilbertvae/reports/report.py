@@ -33,7 +33,7 @@ from hilbertvae.reports.score_table import markdown_scores, print_scores
 from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
 from hilbertvae.reports.site_view import SiteView, telling_gaps
 from hilbertvae.reports.slice_pictures import slice_picture
-from hilbertvae.reports.surface import Surface, extract_surface, write_ply
+from hilbertvae.reports.surface import Surface, field_surface, write_ply
 from hilbertvae.reports.surface_pictures import close_up_picture, site_view_picture
 from hilbertvae.reports.tensorboard import write_tensorboard
 from hilbertvae.reports.uncertainty_pictures import uncertainty_picture
@@ -113,19 +113,21 @@ class Report:
         rival = next((name for name in RIVALS if name in scored), None)
         shown = gaps.cut(site.fit)
 
-        def fit(name: str) -> Mapper:
+        def fit(name: str, other: Mapper | None = None) -> Mapper:
             mapper = scored[name]
             if "seed" in mapper.get_params(deep=False):
                 mapper.set_params(seed=result.gap_seeds[0])
+            if other is not None and mapper.fits_like(other):
+                return mapper.fit_as(other)
             return mapper.fit(shown.points, shown.occupied, shown.weight)
 
         fitted = {name: fit(name) for name in (ours, rival) if name}
         if fitted:
             if site.dimension == 3:
                 mapper = fitted[ours or rival]
-                surface = extract_surface(mapper.predict_map, shown, site.resolution_m)
                 by_points = f"{ours}-points"
-                view = SiteView.draw(site, gaps, mapper, fit(by_points) if by_points in scored else None)
+                view = SiteView.draw(site, gaps, mapper, fit(by_points, mapper) if by_points in scored else None)
+                surface = field_surface(view.field, shown.points[shown.occupied])
                 figures |= {"map": site_view_picture(view), "gaps": close_up_picture(view), "slices": slice_picture(view)}
                 telling = list(telling_gaps(view))[:UNSURE_GAPS]
             else:

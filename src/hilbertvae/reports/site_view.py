@@ -52,6 +52,8 @@ class SiteView:
     """What the mapper was shown, free and occupied."""
     sensors: np.ndarray
     """(S, 3) metres: where each sweep began."""
+    field: Field
+    """What the map says near data, as its surface needs it, too: asking takes longer than all else."""
     for_points: Voxels | None = None
     """As `map`, by a mapper whose weights are calibrated for points (the paper's reading), if there is one."""
 
@@ -60,8 +62,8 @@ class SiteView:
         """Ask a mapper, already fitted on `gaps.cut(site.fit)`, at each voxel at most `reach_m` from that cloud; `by_points`, too."""
         cloud = gaps.cut(site.fit)
 
-        def occupied(mapper: Mapper) -> tuple[np.ndarray, np.ndarray]:
-            return Field.near(mapper.predict_map, cloud.points, site.resolution_m, reach_m).above(OCCUPIED_ABOVE)
+        def field(mapper: Mapper) -> Field:
+            return Field.near(mapper.predict_map, cloud.points, site.resolution_m, reach_m)
 
         def voxels(centres: np.ndarray, probability: np.ndarray | None = None) -> Voxels:
             height = site.ground.height_above(centres)
@@ -71,9 +73,10 @@ class SiteView:
 
         shown, truth = voxels(_voted(cloud, site.resolution_m)), voxels(site.voxels.points[site.voxels.occupied])
         sensors = site.scans.origins[np.unique(site.scans.scan, return_index=True)[1]]
-        mapped = voxels(*occupied(mapper))
-        for_points = voxels(*occupied(by_points)) if by_points else None
-        return cls(site.name, site.resolution_m, gaps, site.ground, mapper, shown, truth, mapped, cloud, sensors, for_points)
+        asked = field(mapper)
+        mapped = voxels(*asked.above(OCCUPIED_ABOVE))
+        for_points = voxels(*field(by_points).above(OCCUPIED_ABOVE)) if by_points else None
+        return cls(site.name, site.resolution_m, gaps, site.ground, mapper, shown, truth, mapped, cloud, sensors, asked, for_points)
 
     def in_gaps(self, voxels: Voxels) -> np.ndarray:
         """(N,) bool: the voxels that lie in a gap."""
