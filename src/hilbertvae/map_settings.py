@@ -31,8 +31,8 @@ class MapSettings(ReadingSettings):
     gain, in seconds to half a minute in 2D, by processor."""
     calibration: str = "voxels"
     """What the map is made for. `voxels`: a probability is the share of cells that are occupied. `points`: the cut of 0.6 finds most
-    of what beams would hit. It fills in several times as much, and more of that is wrong (a street's gaps, by cells: recall 84 %
-    for 46 %, precision 63 % for 87 %); of seen cells some more are occupied (4 % more in a street, 14 % in a building)."""
+    of what beams would hit. It fills in more than twice as much, and more of that is wrong (a street's gaps, by cells: recall 84 %
+    for 46 %, precision 63 % for 87 %); of a building's seen cells 14 % more are occupied."""
     exports: list[str] | None = None
     """Which formats are written, as `exports=ros,points`, of ros, ot, bt, points, mesh, npz and rerun; all that suit the map and need no
     extra, unless given."""
