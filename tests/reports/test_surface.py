@@ -6,7 +6,7 @@ from skimage.measure import marching_cubes
 
 from hilbertvae.cloud import Cloud
 from hilbertvae.reports.field import BLOCK, Field
-from hilbertvae.reports.surface import Surface, extract_surface, field_surface, write_ply
+from hilbertvae.reports.surface import Surface, field_surface, write_ply
 
 
 def cloud(points, occupied=None):
@@ -16,6 +16,10 @@ def cloud(points, occupied=None):
 
 def ball(radius_m, centre):
     return lambda q: 1 / (1 + np.exp(4 * (np.linalg.norm(q - centre, axis=1) - radius_m)))
+
+
+def surface_near(predict, shown, resolution_m, **reach):
+    return field_surface(Field.near(predict, shown.points, resolution_m, **reach), shown.points[shown.occupied])
 
 
 def mesh_of(surface):
@@ -28,7 +32,7 @@ def test_a_ball_across_blocks_is_closed_and_has_its_volume(offset):
     rng = np.random.default_rng(0)
     direction = rng.standard_normal((20_000, 3))
     points = centre + 4 * direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    surface = extract_surface(ball(4.0, centre), cloud(points), 0.2)
+    surface = surface_near(ball(4.0, centre), cloud(points), 0.2)
     mesh = mesh_of(surface)
     mesh.vertices -= centre
     assert mesh.is_watertight and mesh.is_winding_consistent and len(mesh.split()) == 1
@@ -69,7 +73,7 @@ def test_blocks_give_what_one_array_gives(seed):
 
 def test_surface_ends_where_the_map_was_not_asked():
     points = np.array([[x, y, 0.0] for x in np.arange(0, 4, 0.2) for y in np.arange(0, 4, 0.2)])
-    surface = extract_surface(lambda q: (q[:, 2] < 0).astype(float), cloud(points), 0.2, reach_m=0.6)
+    surface = surface_near(lambda q: (q[:, 2] < 0).astype(float), cloud(points), 0.2, reach_m=0.6)
     assert np.ptp(surface.vertices[:, 2]) == pytest.approx(0, abs=1e-6)  # no cap underground
     assert surface.vertices[:, :2].min() > -0.7 and surface.vertices[:, :2].max() < 4.7
     assert (surface.probability == 1).all()
@@ -78,7 +82,7 @@ def test_surface_ends_where_the_map_was_not_asked():
 def test_observed_is_near_occupied_points_only():
     site = street()
     hidden = (site.fit.points[:, 0] > 3.6) & (site.fit.points[:, 0] < 6.4) & (site.fit.points[:, 2] > 0.3)
-    surface = extract_surface(lambda q: in_street(q).astype(float), site.fit.select(~hidden), 0.2)
+    surface = surface_near(lambda q: in_street(q).astype(float), site.fit.select(~hidden), 0.2)
     x, y, z = surface.vertices.T
     roof = (x > 4.2) & (x < 5.8) & (z > 1.2) & (z < 1.8) & (y < 4)
     street_ground = (x > 8) & (x < 10) & (np.abs(z) < 0.2) & (y > 1) & (y < 3)
@@ -87,7 +91,7 @@ def test_observed_is_near_occupied_points_only():
 
 
 def test_nothing_occupied_is_an_empty_surface(tmp_path):
-    surface = extract_surface(lambda q: np.full(len(q), 0.5), cloud(np.zeros((1, 3))), 0.2)
+    surface = surface_near(lambda q: np.full(len(q), 0.5), cloud(np.zeros((1, 3))), 0.2)
     assert len(surface) == 0 and surface.faces.shape == (0, 3) and surface.vertices.shape == (0, 3)
     assert write_ply(tmp_path / "empty.ply", surface, np.empty((0, 3))).read_bytes().startswith(b"ply")
 
@@ -111,7 +115,7 @@ def test_fine_cells_far_from_the_origin():
     centre = np.array([500_000.0, 5_400_000.0, 300.0])
     direction = np.random.default_rng(0).standard_normal((2000, 3))
     points = centre + 0.4 * direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    surface = extract_surface(lambda q: 1 / (1 + np.exp(20 * (np.linalg.norm(q - centre, axis=1) - 0.4))), cloud(points), 0.04, reach_m=0.4)
+    surface = surface_near(lambda q: 1 / (1 + np.exp(20 * (np.linalg.norm(q - centre, axis=1) - 0.4))), cloud(points), 0.04, reach_m=0.4)
     mesh = mesh_of(surface)
     mesh.vertices -= centre
     assert mesh.is_watertight and mesh.volume == pytest.approx(4 / 3 * np.pi * (0.4 - np.log(1.5) / 20) ** 3, rel=0.03)

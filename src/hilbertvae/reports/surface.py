@@ -11,9 +11,8 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
-from hilbertvae.cloud import Cloud
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
-from hilbertvae.reports.field import BLOCK, REACH_M, Field, Predict
+from hilbertvae.reports.field import BLOCK, Field
 from hilbertvae.reports.ply import write_ply_table
 from hilbertvae.voxel_blocks import padded
 
@@ -40,16 +39,9 @@ class Surface:
         return len(self.vertices)
 
 
-def extract_surface(predict: Predict, cloud: Cloud, resolution_m: float, cut: float = OCCUPIED_ABOVE, reach_m: float = REACH_M) -> Surface:
-    """The surface p(occupied) = `cut` of a map, at most `reach_m` from the points of the `cloud` that it was fitted on.
-
-    predict: (Q, 3) metres -> (Q,) p(occupied), asked at the centres of voxels of `resolution_m`. Closed, except where the reach ends.
-    """
-    return field_surface(Field.near(predict, cloud.points, resolution_m, reach_m), cloud.points[cloud.occupied], cut)
-
-
 def field_surface(field: Field, seen: np.ndarray, cut: float = OCCUPIED_ABOVE) -> Surface:
-    """The surface of a `Field`; `seen (N, 3)` are the occupied points that the mapper was shown."""
+    """The surface p(occupied) = `cut` of a `Field`: closed, except where its reach ends. `seen (N, 3)` are the occupied points that the
+    mapper was shown."""
     keys = np.array(list(field.blocks), dtype=np.int64).reshape(-1, 3)
     # Around the blocks alone: with the origin, the edges of maps in UTM coordinates would outnumber 64 bits.
     low, high = (keys.min(axis=0), keys.max(axis=0)) if len(keys) else (np.zeros(3, np.int64),) * 2
