@@ -73,6 +73,8 @@ def setting(*keys, value):
         (setting("rank_weights", "seen", value=[1.0]), "rank_weights.seen: expected"),
         (setting("rank_weights", "unseen", value=[float("inf")] * 6), "rank_weights.unseen: expected .* finite"),
         (setting("rank_weights", "seen", value="none"), "don't fit together"),
+        (setting("rank_weights", "spread", value=float("nan")), "rank_weights.spread: expected a finite number"),
+        (setting("rank_weights", "spread", value=[1.0]), "don't fit together"),
         (setting("rank_weights", value={}), "another version"),
         (setting("classes", value=[1, 0]), "classes: expected two labels in order"),
         (setting("classes", value=[False, True, 2]), "classes: expected two labels in order"),

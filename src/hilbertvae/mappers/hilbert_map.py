@@ -22,7 +22,7 @@ from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
 from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
-from hilbertvae.mappers.weights import RankWeights, fit_cluster_weights, levelled, unit_weights
+from hilbertvae.mappers.weights import RankWeights, disagreement, fit_cluster_weights, levelled, unit_weights
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 HIDDEN_GAP_M = 2.5
@@ -154,9 +154,10 @@ class HilbertMap(GrowingMapper):
         holding, values = self._look_up(target.points, completed.value)
         held = (holding != NONE).sum(axis=1)
         weights = self.rank_weights_
+        spread = weights.spread * disagreement(values, held)
         if weights.level:
             values = levelled(values, held)
-        offset = np.where(held > 0, weights.unseen[-1], 0.0)
+        offset = np.where(held > 0, weights.unseen[-1] + spread, 0.0)
         counts = np.where(target.occupied & (self.calibration == "points"), weights.occupied_weight, 1.0)
         return fit_cluster_weights(values, holding, offset, weights.unseen[:-1], target.occupied, len(self.frames_), self.ridge, counts)
 
@@ -210,11 +211,7 @@ class HilbertMap(GrowingMapper):
         features = self._features(queries, *self._look_up(queries, self.grids_))
         held, seen = features[1], features[2]
         alone = expit(self.rank_weights_.logits_alone(*features))
-        inside = np.arange(alone.shape[1]) < held[:, None]
-        count = np.maximum(held, 1)
-        mean = np.where(inside, alone, 0.0).sum(axis=1) / count
-        spread = np.sqrt(np.where(inside, np.square(alone - mean[:, None]), 0.0).sum(axis=1) / count)
-        return np.where((held > 0) | seen, spread, 0.5)
+        return np.where((held > 0) | seen, disagreement(alone, held), 0.5)
 
     def cluster_count(self) -> int:
         """How many grids the fitted map has."""

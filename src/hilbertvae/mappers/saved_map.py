@@ -188,6 +188,8 @@ def _rank_weights(plain: dict, mapper: HilbertMap) -> RankWeights:
         found, shape = getattr(weights, name), getattr(wanted, name).shape
         if found.shape != shape or not np.isfinite(found).all():
             raise InputError(f"rank_weights.{name}: expected {shape} finite numbers, got shape {found.shape}")
+    if not np.isfinite(weights.spread):
+        raise InputError(f"rank_weights.spread: expected a finite number, got {weights.spread!r}")
     return weights
 
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.sparse import csr_matrix, issparse
-from scipy.special import expit
+from scipy.sparse import csr_matrix
 
 from hilbertvae.checks import InputError, check_positive
+from hilbertvae.mappers.newton_logistic import LIGHT_RIDGE, logistic_weights
 
 READINGS = ("voxels", "points")
 """What weights can be fitted on."""
@@ -22,9 +22,9 @@ calibrate them), and F1 is highest where less than a half is occupied: with 2, t
 validation sites (docs/decisions.md, "Where the cut of 0.6 lies on points"); 1 is Eq. 15, and a probability then the share of points that
 is occupied. Voxels count once each."""
 NAMES = ("unseen", "seen", "everywhere", "beyond")
-MOST_STEPS, SMALLEST_PACE = 100, 1e-12
-NEAR_ZERO = 1e-2
-"""A weight that shall not be negative may count as 0 from here on, if a plain gradient step would take some weight as far."""
+RANKS_ALIKE = 0.05
+"""Per query, of the ridge that holds the weights of ranks together. K boxes say nearly the same, so which of them is heard is left to the
+accidents of one site, and others pay for it (docs/decisions.md, "Which of the boxes is heard?")."""
 
 
 def check_calibration(calibration: str) -> None:
@@ -38,6 +38,7 @@ class RankWeights:
     """Weights that transfer from one site to another: one per rank among the K nearest boxes, not one per cluster.
 
     unseen: (K + 1,) where nothing was observed: w_r of the r-th nearest grid's kernel value, and a constant for being in any box.
+    spread: there, too, of how far the boxes disagree (`disagreement`).
     seen: (F + 2,) in an observed voxel: the evidence's features, the mean kernel value, and a constant.
     everywhere: (K + 1,), like `unseen` but with a constant of 0, for a map that knows its grids alone, as the paper's does.
     beyond: (2,) of a query that no box holds, though something was seen near it: of `Evidence.away`, per metre, and a constant. What is
@@ -52,6 +53,7 @@ class RankWeights:
     everywhere: np.ndarray
     level: bool = True
     beyond: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    spread: float = 0.0
     occupied_weight: float = OCCUPIED_WEIGHT
     """How many points one that is occupied counted for, where they were learned on points."""
 
@@ -69,7 +71,10 @@ class RankWeights:
         `away (Q,)` returns are from those that no box holds, infinite where nothing was seen near."""
         # Sums along rows, not a matrix product: BLAS rounds a row differently from batch to batch.
         heard = levelled(values, held) if self.level else values
-        logit = np.where(held > 0, (heard * self.unseen[:-1]).sum(axis=1) + self.unseen[-1], self._beyond(away))
+        inside = (heard * self.unseen[:-1]).sum(axis=1) + self.unseen[-1]
+        if self.spread:
+            inside += self.spread * disagreement(values, held)
+        logit = np.where(held > 0, inside, self._beyond(away))
         logit[seen] = (seen_features(values[seen], held[seen], evidence) * self.seen).sum(axis=1)
         return logit
 
@@ -87,19 +92,21 @@ class RankWeights:
 
     def plain(self) -> dict:
         """As plain values, for JSON."""
-        return {name: getattr(self, name).tolist() for name in NAMES} | {"level": self.level, "occupied_weight": self.occupied_weight}
+        plain = {name: getattr(self, name).tolist() for name in NAMES}
+        return plain | {"level": self.level, "spread": self.spread, "occupied_weight": self.occupied_weight}
 
     @classmethod
     def from_plain(cls, plain: dict) -> RankWeights:
-        """The inverse of `plain`; an `InputError` for weights of another version. Those that were learned before `beyond` was have 0, and
-        those of before `occupied_weight` had `OCCUPIED_WEIGHT`."""
-        plain = {"beyond": [0.0, 0.0], "occupied_weight": OCCUPIED_WEIGHT} | plain
-        if sorted(plain) != sorted((*NAMES, "level", "occupied_weight")) or not isinstance(plain["level"], bool):
+        """The inverse of `plain`; an `InputError` for weights of another version. Those that were learned before `beyond` and `spread` were
+        have 0, and those of before `occupied_weight` had `OCCUPIED_WEIGHT`."""
+        plain = {"beyond": [0.0, 0.0], "spread": 0.0, "occupied_weight": OCCUPIED_WEIGHT} | plain
+        if sorted(plain) != sorted((*NAMES, "level", "spread", "occupied_weight")) or not isinstance(plain["level"], bool):
             wanted = ", ".join((*NAMES, "level"))
             raise InputError(f"checkpoint: expected Hilbert Map's weights {wanted}, got {', '.join(plain)}; learned by another version")
         return cls(
             **{name: np.asarray(plain[name], float) for name in NAMES},
             level=plain["level"],
+            spread=float(plain["spread"]),
             occupied_weight=float(plain["occupied_weight"]),
         )
 
@@ -107,6 +114,14 @@ class RankWeights:
 def levelled(values: np.ndarray, held: np.ndarray) -> np.ndarray:
     """(Q, K) kernel values, K / held times as large: as if the boxes that do not hold a query had said what the others say on average."""
     return values * (values.shape[1] / np.maximum(held, 1))[:, None]
+
+
+def disagreement(values: np.ndarray, held: np.ndarray) -> np.ndarray:
+    """(Q,) the standard deviation of what the boxes that hold each query say, `values (Q, K)`; 0 where none does."""
+    inside, count = np.arange(values.shape[1]) < held[:, None], np.maximum(held, 1)
+    values = values.astype(np.float64)
+    mean = np.where(inside, values, 0.0).sum(axis=1) / count
+    return np.sqrt(np.where(inside, np.square(values - mean[:, None]), 0.0).sum(axis=1) / count)
 
 
 def seen_features(values: np.ndarray, held: np.ndarray, evidence: np.ndarray) -> np.ndarray:
@@ -135,28 +150,47 @@ def occupied_weight_of(learned: dict[str, dict]) -> float:
     return RankWeights.from_plain(learned["points"]).occupied_weight if "points" in learned else OCCUPIED_WEIGHT
 
 
-def fit_rank_weights(values, held, seen, evidence, away, occupied, occupied_weight: float = 1.0) -> RankWeights:
-    """Rank weights from Q queries with known labels `occupied (Q,)`: kernel weights non-negative, the rest free, a light ridge for R(w).
+def fit_rank_weights(values, held, seen, evidence, away, occupied, occupied_weight: float = 1.0, spread: bool = False) -> RankWeights:
+    """Rank weights from Q queries with known labels `occupied (Q,)`: kernel weights non-negative, the rest free; R(w) is a light ridge and
+    one that holds the weights of ranks together (`RANKS_ALIKE`).
 
     values (Q, K), held (Q,), seen (Q,), evidence (S, F), away (Q,): as `HilbertMap.features` has them. Without queries beyond all boxes,
-    `beyond` stays 0. An occupied query counts for `occupied_weight` of them. Raises `InputError` without queries both seen and unseen.
+    `beyond` stays 0, and so does `spread` unless it is asked for. An occupied query counts for `occupied_weight` of them. Raises
+    `InputError` without queries both seen and unseen.
     """
     unseen, inside = ~seen & (held > 0), held > 0
     if not unseen.any() or not seen.any():
         raise InputError("rank weights: expected queries both in gaps and in observed voxels")
     ranks = np.arange(values.shape[1])
     counts = np.where(occupied, occupied_weight, 1.0)
-    features = np.column_stack([levelled(values, held), np.ones(len(values))])
-    in_gaps = logistic_weights(features[unseen], occupied[unseen], nonnegative=ranks, counts=counts[unseen])
+    features = [levelled(values, held), np.ones(len(values)), *([disagreement(values, held)] if spread else [])]
+    features = np.column_stack(features)[unseen]
+    alike = _ranks_alike(len(ranks), features.shape[1], counts[unseen].sum())
+    in_gaps = logistic_weights(features, occupied[unseen], nonnegative=ranks, ridge=alike, counts=counts[unseen])
     # No constant here: the paper's grids say 0 where they know nothing, and there p must be 0.5.
-    everywhere = np.append(logistic_weights(values[inside], occupied[inside], nonnegative=ranks, counts=counts[inside]), 0.0)
+    alike = _ranks_alike(len(ranks), len(ranks), counts[inside].sum())
+    everywhere = logistic_weights(values[inside], occupied[inside], nonnegative=ranks, ridge=alike, counts=counts[inside])
     features = seen_features(values[seen], held[seen], evidence)
     observed = logistic_weights(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]), counts=counts[seen])
     alone = ~seen & ~inside & np.isfinite(away)
     # With a ridge that a few free queries don't outweigh: they make nothing certain.
     features = np.column_stack([away[alone], np.ones(np.count_nonzero(alone))])
     beyond = logistic_weights(features, occupied[alone], nonnegative=[], ridge=1.0, counts=counts[alone])
-    return RankWeights(in_gaps, observed, everywhere, beyond=beyond, occupied_weight=float(occupied_weight))
+    return RankWeights(
+        in_gaps[: len(ranks) + 1],
+        observed,
+        np.append(everywhere, 0.0),
+        beyond=beyond,
+        spread=float(in_gaps[-1]) if spread else 0.0,
+        occupied_weight=float(occupied_weight),
+    )
+
+
+def _ranks_alike(ranks: int, features: int, queries: float) -> np.ndarray:
+    """(F, F) the ridge for the first `ranks` of the features: a light one, and `RANKS_ALIKE` on the squares of what is not their mean."""
+    ridge = np.eye(features) * LIGHT_RIDGE
+    ridge[:ranks, :ranks] += RANKS_ALIKE * queries * (np.eye(ranks) - 1.0 / ranks)
+    return ridge
 
 
 def fit_cluster_weights(values, holding, offset, rank_weights, occupied, clusters: int, ridge: float, counts=1.0) -> np.ndarray:
@@ -171,47 +205,3 @@ def fit_cluster_weights(values, holding, offset, rank_weights, occupied, cluster
     features = csr_matrix((data, (query, holding[query, rank])), shape=(len(values), clusters))
     everyone = np.arange(clusters)
     return logistic_weights(features, occupied, nonnegative=everyone, ridge=ridge, towards=np.ones(clusters), offset=offset, counts=counts)
-
-
-def logistic_weights(features, occupied, nonnegative, ridge: float = 1e-3, towards=None, offset=0.0, counts=1.0) -> np.ndarray:
-    """w (F,) that minimises the sum over queries of `counts (N,)` log(1 + exp(-y (offset + w . Phi))) + ridge |w - towards|^2.
-
-    Convex, with few features, which say nearly the same: Newton's method reaches in ten steps the optimum that SGD (Eq. 16) would wander
-    around. Weights that shall not be negative are projected (Bertsekas 1982): one at 0, or about to be, that its gradient presses there
-    is left out of the system of equations, and takes a plain gradient step. Features may be sparse.
-    """
-    sign, features = np.where(occupied, 1.0, -1.0), features.astype(np.float64)
-    count = features.shape[1]
-    towards = np.zeros(count) if towards is None else towards
-    bounded = np.isin(np.arange(count), nonnegative)
-
-    def loss(weights):
-        margin = sign * (features @ weights + offset)
-        return (counts * np.logaddexp(0, -margin)).sum() + ridge * np.square(weights - towards).sum(), margin
-
-    weights = np.where(bounded, np.maximum(towards, 0.1), 0.0)
-    value, margin = loss(weights)
-    for _ in range(MOST_STEPS):
-        wrong = expit(-margin)
-        gradient = features.T @ (-sign * counts * wrong) + 2 * ridge * (weights - towards)
-        bend = (counts * wrong * (1 - wrong))[:, None]
-        hessian = (features.T @ features.multiply(bend)).toarray() if issparse(features) else features.T @ (features * bend)
-        hessian += 2 * ridge * np.eye(count)
-        step = gradient / np.diag(hessian)
-        plain = np.where(bounded, np.minimum(step, weights), step)
-        # The margin shrinks as the optimum nears. Without one, a weight just above 0 stops every step that would take it below.
-        free = ~(bounded & (weights <= min(NEAR_ZERO, np.abs(plain).max())) & (gradient > 0))
-        step[free] = np.linalg.solve(hessian[np.ix_(free, free)], gradient[free])
-        pace, before = 1.0, value
-        while pace > SMALLEST_PACE:
-            tried = np.where(bounded, np.maximum(weights - pace * step, 0.0), weights - pace * step)
-            value, margin = loss(tried)
-            if value <= before - 1e-4 * gradient @ (weights - tried):
-                break
-            pace /= 2
-        else:  # no step is small enough to help: the optimum, to rounding
-            return weights
-        moved, weights = np.abs(tried - weights).max(), tried
-        if moved <= 1e-10 * (1 + np.abs(weights).max()):
-            break
-    return weights

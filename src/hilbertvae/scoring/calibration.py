@@ -18,6 +18,9 @@ from hilbertvae.scoring.cases import occluded_parts, occlusion_case
 from hilbertvae.site import Site
 
 MOST_QUERIES = 400_000
+HEARS_SPREAD = {2: True, 3: False}
+"""Whether a weight is learned for how far boxes disagree: in 2D it tells the same from site to site, in 3D it does not
+(docs/decisions.md, "Which of the boxes is heard?")."""
 LEARNING = "Learning the map's weights"
 
 
@@ -62,7 +65,8 @@ def learn_rank_weights(
             gather("voxels", Cloud(asked.points, asked.occupied, np.ones(len(asked.points))), np.arange(len(asked.points)), seed)
     counts = {"points": occupied_weight, "voxels": 1.0}
     learned = {
-        name: fit_rank_weights(*map(np.concatenate, zip(*portions, strict=True)), counts[name]) for name, portions in gathered.items()
+        name: fit_rank_weights(*map(np.concatenate, zip(*portions, strict=True)), counts[name], HEARS_SPREAD[sites[0].dimension])
+        for name, portions in gathered.items()
     }
     # Gaps leave no place without a box, so only what is occluded tells what is beyond them.
     learned["points"] = replace(learned["points"], beyond=learned["voxels"].beyond)
