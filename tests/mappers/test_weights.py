@@ -140,6 +140,27 @@ def test_the_weights_of_ranks_are_held_together(monkeypatch):
         assert np.ptp(one[:3]) < 0.05 < 0.2 < np.ptp(other[:3])
 
 
+def test_weights_in_observed_voxels_stay_sober():
+    """The optimum of Eq. 15 with a ridge per query, by another road: evidence that says nearly the same twice."""
+    rng = np.random.default_rng(0)
+    count = 3000
+    evidence = rng.normal(size=(count // 2, 1)) + rng.normal(0, 0.01, (count // 2, 2))
+    seen, held, values = np.arange(count) % 2 == 0, np.full(count, 2), rng.normal(size=(count, 2))
+    occupied = rng.random(count) < 0.4
+    occupied[seen] = rng.random(count // 2) < 1 / (1 + np.exp(-evidence[:, 0]))
+    found = fit_rank_weights(values, held, seen, evidence, np.full(count, np.inf), occupied, 2.0).seen
+    features = np.column_stack([evidence, values[seen].mean(axis=1), np.ones(count // 2)])
+    counts = np.where(occupied[seen], 2.0, 1.0)
+    sign = np.where(occupied[seen], 1.0, -1.0)
+
+    def loss(w):
+        return (counts * np.logaddexp(0, -sign * (features @ w))).sum() + 1e-5 * counts.sum() * (w**2).sum()
+
+    expected = minimize(loss, [0.5, 0.5, 0.1, 0.0], method="L-BFGS-B", bounds=[(0, None), (None, None), (0, None), (None, None)])
+    assert loss(found) <= expected.fun + 1e-6
+    np.testing.assert_allclose(found[:2].sum(), expected.x[:2].sum(), atol=0.02)
+
+
 def test_how_far_boxes_disagree_query_by_query():
     values, held, *_ = random_features(count=40, ranks=4)
     found = disagreement(values, held)

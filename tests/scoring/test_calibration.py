@@ -126,14 +126,20 @@ def test_what_scans_that_were_left_out_saw_teaches_voxels_too(place, learning):
     assert asked and len(mapper.given) == 2 + len(asked)
     for found, queries in zip(mapper.asked[4:], asked, strict=True):
         np.testing.assert_array_equal(found, queries)
-    assert learned["points"] == learning[1]["points"] and learned["voxels"] != learning[1]["voxels"]
+    points = [weights["points"] | {"beyond": None} for weights in (learned, learning[1])]
+    assert points[0] == points[1] and learned["voxels"] != learning[1]["voxels"]
 
 
 def test_points_take_from_voxels_what_is_beyond_all_boxes(room, monkeypatch):
     whole = calibration.fit_rank_weights
-    monkeypatch.setattr(calibration, "fit_rank_weights", lambda *known: replace(whole(*known), beyond=np.full(2, known[-1])))
-    learned = learn_rank_weights(HilbertMap(tiny_reconstructor()), [room], 1.2, [100], occlusion=False)
-    assert learned["points"]["beyond"] == learned["voxels"]["beyond"] == [1.0, 1.0]
+    mapper = HilbertMap(tiny_reconstructor())
+    assert learn_rank_weights(mapper, [room], 1.2, [100], occlusion=False)["points"]["beyond"] == [0.0, 0.0]  # nothing was to be learned
+    monkeypatch.setattr(calibration, "fit_rank_weights", lambda *known: replace(whole(*known), beyond=np.full(2, known[-2])))
+    learned = learn_rank_weights(mapper, [room], 1.2, [100], occlusion=False)
+    assert learned["voxels"]["beyond"] == [1.0, 1.0]
+    higher = learned["points"]["unseen"][-1] - learned["voxels"]["unseen"][-1]
+    assert higher > 0.3  # points are where something is, and an occupied one counts twice
+    assert learned["points"]["beyond"] == pytest.approx([1.0, 1.0 + higher])
 
 
 def test_many_sites_teach_by_as_many_queries_as_one(room, monkeypatch):

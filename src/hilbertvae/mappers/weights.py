@@ -21,8 +21,11 @@ OCCUPIED_WEIGHT = 2.0
 calibrate them), and F1 is highest where less than a half is occupied: with 2, the cut of 0.6 lies where 3 of 7 are. Chosen on the
 validation sites (docs/decisions.md, "Where the cut of 0.6 lies on points"); 1 is Eq. 15, and a probability then the share of points that
 is occupied. Voxels count once each."""
+SOBER = 1e-5
+"""Per query, of the ridge in observed voxels. Distances to returns say nearly the same, too: without it their weights reach -24 and +11,
+and where another site's voxels were seen once, with no return near, free space became walls (same entry)."""
 NAMES = ("unseen", "seen", "everywhere", "beyond")
-RANKS_ALIKE = 0.05
+RANKS_ALIKE = 0.03
 """Per query, of the ridge that holds the weights of ranks together. K boxes say nearly the same, so which of them is heard is left to the
 accidents of one site, and others pay for it (docs/decisions.md, "Which of the boxes is heard?")."""
 
@@ -151,8 +154,8 @@ def occupied_weight_of(learned: dict[str, dict]) -> float:
 
 
 def fit_rank_weights(values, held, seen, evidence, away, occupied, occupied_weight: float = 1.0, spread: bool = False) -> RankWeights:
-    """Rank weights from Q queries with known labels `occupied (Q,)`: kernel weights non-negative, the rest free; R(w) is a light ridge and
-    one that holds the weights of ranks together (`RANKS_ALIKE`).
+    """Rank weights from Q queries with known labels `occupied (Q,)`: kernel weights non-negative, the rest free; R(w) is a light ridge,
+    one that holds the weights of ranks together (`RANKS_ALIKE`), and one in observed voxels (`SOBER`).
 
     values (Q, K), held (Q,), seen (Q,), evidence (S, F), away (Q,): as `HilbertMap.features` has them. Without queries beyond all boxes,
     `beyond` stays 0, and so does `spread` unless it is asked for. An occupied query counts for `occupied_weight` of them. Raises
@@ -171,7 +174,8 @@ def fit_rank_weights(values, held, seen, evidence, away, occupied, occupied_weig
     alike = _ranks_alike(len(ranks), len(ranks), counts[inside].sum())
     everywhere = logistic_weights(values[inside], occupied[inside], nonnegative=ranks, ridge=alike, counts=counts[inside])
     features = seen_features(values[seen], held[seen], evidence)
-    observed = logistic_weights(features, occupied[seen], nonnegative=np.array([0, features.shape[1] - 2]), counts=counts[seen])
+    sober, kernels = SOBER * counts[seen].sum(), np.array([0, features.shape[1] - 2])
+    observed = logistic_weights(features, occupied[seen], nonnegative=kernels, ridge=sober, counts=counts[seen])
     alone = ~seen & ~inside & np.isfinite(away)
     # With a ridge that a few free queries don't outweigh: they make nothing certain.
     features = np.column_stack([away[alone], np.ones(np.count_nonzero(alone))])

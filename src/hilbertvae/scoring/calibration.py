@@ -68,8 +68,11 @@ def learn_rank_weights(
         name: fit_rank_weights(*map(np.concatenate, zip(*portions, strict=True)), counts[name], HEARS_SPREAD[sites[0].dimension])
         for name, portions in gathered.items()
     }
-    # Gaps leave no place without a box, so only what is occluded tells what is beyond them.
-    learned["points"] = replace(learned["points"], beyond=learned["voxels"].beyond)
+    # Gaps leave few places without a box, so only what is occluded tells what is beyond them. The odds of a point are higher than those of
+    # a voxel, which counts once however many points are in it: by as much as in boxes.
+    points, voxels = learned["points"], learned["voxels"]
+    if voxels.beyond.any():
+        learned["points"] = replace(points, beyond=voxels.beyond + [0.0, points.unseen[-1] - voxels.unseen[-1]])
     return {name: weights.plain() for name, weights in learned.items()}
 
 
