@@ -130,16 +130,16 @@ def test_what_scans_that_were_left_out_saw_teaches_voxels_too(place, learning):
     assert points[0] == points[1] and learned["voxels"] != learning[1]["voxels"]
 
 
-def test_points_take_from_voxels_what_is_beyond_all_boxes(room, monkeypatch):
+@pytest.mark.parametrize("slope", [0.0, -1.0])
+def test_points_take_from_voxels_what_is_beyond_all_boxes(room, monkeypatch, slope):
+    """With a point's odds; where nothing was to be learned, nothing is known there."""
     whole = calibration.fit_rank_weights
-    mapper = HilbertMap(tiny_reconstructor())
-    assert learn_rank_weights(mapper, [room], 1.2, [100], occlusion=False)["points"]["beyond"] == [0.0, 0.0]  # nothing was to be learned
-    monkeypatch.setattr(calibration, "fit_rank_weights", lambda *known: replace(whole(*known), beyond=np.full(2, known[-2])))
-    learned = learn_rank_weights(mapper, [room], 1.2, [100], occlusion=False)
-    assert learned["voxels"]["beyond"] == [1.0, 1.0]
+    monkeypatch.setattr(calibration, "fit_rank_weights", lambda *known: replace(whole(*known), beyond=np.full(2, slope * known[-2])))
+    learned = learn_rank_weights(HilbertMap(tiny_reconstructor()), [room], 1.2, [100], occlusion=False)
+    assert learned["voxels"]["beyond"] == [slope, slope]
     higher = learned["points"]["unseen"][-1] - learned["voxels"]["unseen"][-1]
     assert higher > 0.3  # points are where something is, and an occupied one counts twice
-    assert learned["points"]["beyond"] == pytest.approx([1.0, 1.0 + higher])
+    assert learned["points"]["beyond"] == pytest.approx([slope, slope + higher] if slope else [0.0, 0.0])
 
 
 def test_many_sites_teach_by_as_many_queries_as_one(room, monkeypatch):
