@@ -27,7 +27,7 @@ and where another site's voxels were seen once, with no return near, free space 
 NAMES = ("unseen", "seen", "everywhere", "beyond")
 RANKS_ALIKE = 0.03
 """Per query, of the ridge that holds the weights of ranks together. K boxes say nearly the same, so which of them is heard is left to the
-accidents of one site, and others pay for it (docs/decisions.md, "Which of the boxes is heard?")."""
+accidents of one site, and others pay for it (docs/decisions.md, "Weights that hold on other sites")."""
 
 
 def check_calibration(calibration: str) -> None:

@@ -20,7 +20,7 @@ from hilbertvae.site import Site
 MOST_QUERIES = 400_000
 HEARS_SPREAD = {2: True, 3: False}
 """Whether a weight is learned for how far boxes disagree: in 2D it tells the same from site to site, in 3D it does not
-(docs/decisions.md, "Which of the boxes is heard?")."""
+(docs/decisions.md, "Weights that hold on other sites")."""
 LEARNING = "Learning the map's weights"
 
 
