@@ -16,7 +16,7 @@ NEAR_ZERO = 1e-2
 def logistic_weights(features, occupied, nonnegative, ridge=LIGHT_RIDGE, towards=None, offset=0.0, counts=1.0) -> np.ndarray:
     """w (F,) that minimises the sum over queries of `counts (N,)` log(1 + exp(-y (offset + w . Phi))) + ridge |w - towards|^2.
 
-    A `ridge` (F, F) stands for its quadratic form of w - towards.
+    A symmetric `ridge` (F, F) stands for its quadratic form of w - towards.
     Convex, with few features, which say nearly the same: Newton's method reaches in ten steps the optimum that SGD (Eq. 16) would wander
     around. Weights that shall not be negative are projected (Bertsekas 1982): one at 0, or about to be, that its gradient presses there
     is left out of the system of equations, and takes a plain gradient step. Features may be sparse.
@@ -25,20 +25,20 @@ def logistic_weights(features, occupied, nonnegative, ridge=LIGHT_RIDGE, towards
     count = features.shape[1]
     towards = np.zeros(count) if towards is None else towards
     bounded = np.isin(np.arange(count), nonnegative)
-    ridge = ridge * np.eye(count) if np.ndim(ridge) == 0 else ridge
+    pull = (lambda away: ridge * away) if np.ndim(ridge) == 0 else (lambda away: ridge @ away)
 
     def loss(weights):
         margin = sign * (features @ weights + offset)
-        return (counts * np.logaddexp(0, -margin)).sum() + (weights - towards) @ ridge @ (weights - towards), margin
+        return (counts * np.logaddexp(0, -margin)).sum() + (weights - towards) @ pull(weights - towards), margin
 
     weights = np.where(bounded, np.maximum(towards, 0.1), 0.0)
     value, margin = loss(weights)
     for _ in range(MOST_STEPS):
         wrong = expit(-margin)
-        gradient = features.T @ (-sign * counts * wrong) + 2 * ridge @ (weights - towards)
+        gradient = features.T @ (-sign * counts * wrong) + 2 * pull(weights - towards)
         bend = (counts * wrong * (1 - wrong))[:, None]
         hessian = (features.T @ features.multiply(bend)).toarray() if issparse(features) else features.T @ (features * bend)
-        hessian += 2 * ridge
+        hessian += 2 * (ridge * np.eye(count) if np.ndim(ridge) == 0 else ridge)
         step = gradient / np.diag(hessian)
         plain = np.where(bounded, np.minimum(step, weights), step)
         # The margin shrinks as the optimum nears. Without one, a weight just above 0 stops every step that would take it below.

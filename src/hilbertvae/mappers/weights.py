@@ -6,7 +6,7 @@ sum log(1 + exp(-y w . Phi)) + R(w).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -21,13 +21,13 @@ OCCUPIED_WEIGHT = 2.0
 calibrate them), and F1 is highest where less than a half is occupied: with 2, the cut of 0.6 lies where 3 of 7 are. Chosen on the
 validation sites (docs/decisions.md, "Where the cut of 0.6 lies on points"); 1 is Eq. 15, and a probability then the share of points that
 is occupied. Voxels count once each."""
-SOBER = 1e-5
-"""Per query, of the ridge in observed voxels. Distances to returns say nearly the same, too: without it their weights reach -24 and +11,
-and where another site's voxels were seen once, with no return near, free space became walls (same entry)."""
 NAMES = ("unseen", "seen", "everywhere", "beyond")
 RANKS_ALIKE = 0.03
 """Per query, of the ridge that holds the weights of ranks together. K boxes say nearly the same, so which of them is heard is left to the
 accidents of one site, and others pay for it (docs/decisions.md, "Weights that hold on other sites")."""
+SOBER = 1e-5
+"""Per query, of the ridge in observed voxels. Distances to returns say nearly the same, too: without it their weights reach -24 and +11,
+and where another site's voxels were seen once, with no return near, free space became walls (same entry)."""
 
 
 def check_calibration(calibration: str) -> None:
@@ -45,7 +45,8 @@ class RankWeights:
     seen: (F + 2,) in an observed voxel: the evidence's features, the mean kernel value, and a constant.
     everywhere: (K + 1,), like `unseen` but with a constant of 0, for a map that knows its grids alone, as the paper's does.
     beyond: (2,) of a query that no box holds, though something was seen near it: of `Evidence.away`, per metre, and a constant. What is
-    left there is open space, above a street or past a corner, and few cells of it are occupied.
+    left there is open space, above a street or past a corner, and few cells of it are occupied; of points, which are where something is,
+    more are (`scoring/calibration.py`).
     level: whether fewer than K boxes speak as loudly as K (`levelled`). Else a query at the edge of what was seen, which few boxes hold,
     gets an answer near that of the constant alone.
     There is no other intercept outside of all boxes: where nothing is known, p is 0.5.
@@ -76,7 +77,8 @@ class RankWeights:
         heard = levelled(values, held) if self.level else values
         inside = (heard * self.unseen[:-1]).sum(axis=1) + self.unseen[-1]
         if self.spread:
-            inside += self.spread * disagreement(values, held)
+            unseen = ~seen & (held > 0)
+            inside[unseen] += self.spread * disagreement(values[unseen], held[unseen])
         logit = np.where(held > 0, inside, self._beyond(away))
         logit[seen] = (seen_features(values[seen], held[seen], evidence) * self.seen).sum(axis=1)
         return logit
@@ -86,11 +88,12 @@ class RankWeights:
         return np.where(near, np.where(near, away, 0.0) * self.beyond[0] + self.beyond[1], 0.0)
 
     def logits_alone(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
-        """(Q, K) what `logit` would be if all boxes that hold a query said what each one says; of no use where none holds it."""
-        one_by_one = []
+        """(Q, K) what `logit` would be if all boxes that hold a query said what each one says, and so agreed; of no use where none holds
+        it."""
+        agreed, one_by_one = replace(self, spread=0.0), []
         for value in values.T:
             same = np.where(np.arange(values.shape[1]) < held[:, None], value[:, None], 0.0)
-            one_by_one.append(self.logit(same, held, seen, evidence))
+            one_by_one.append(agreed.logit(same, held, seen, evidence))
         return np.stack(one_by_one, axis=1)
 
     def plain(self) -> dict:
@@ -155,7 +158,7 @@ def occupied_weight_of(learned: dict[str, dict]) -> float:
 
 def fit_rank_weights(values, held, seen, evidence, away, occupied, occupied_weight: float = 1.0, spread: bool = False) -> RankWeights:
     """Rank weights from Q queries with known labels `occupied (Q,)`: kernel weights non-negative, the rest free; R(w) is a light ridge,
-    one that holds the weights of ranks together (`RANKS_ALIKE`), and one in observed voxels (`SOBER`).
+    one more that holds the weights of ranks together (`RANKS_ALIKE`), and one more in observed voxels (`SOBER`).
 
     values (Q, K), held (Q,), seen (Q,), evidence (S, F), away (Q,): as `HilbertMap.features` has them. Without queries beyond all boxes,
     `beyond` stays 0, and so does `spread` unless it is asked for. An occupied query counts for `occupied_weight` of them. Raises
@@ -174,7 +177,7 @@ def fit_rank_weights(values, held, seen, evidence, away, occupied, occupied_weig
     alike = _ranks_alike(len(ranks), len(ranks), counts[inside].sum())
     everywhere = logistic_weights(values[inside], occupied[inside], nonnegative=ranks, ridge=alike, counts=counts[inside])
     features = seen_features(values[seen], held[seen], evidence)
-    sober, kernels = SOBER * counts[seen].sum(), np.array([0, features.shape[1] - 2])
+    sober, kernels = LIGHT_RIDGE + SOBER * counts[seen].sum(), np.array([0, features.shape[1] - 2])
     observed = logistic_weights(features, occupied[seen], nonnegative=kernels, ridge=sober, counts=counts[seen])
     alone = ~seen & ~inside & np.isfinite(away)
     # With a ridge that a few free queries don't outweigh: they make nothing certain.
@@ -199,7 +202,8 @@ def _ranks_alike(ranks: int, features: int, queries: float) -> np.ndarray:
 
 def fit_cluster_weights(values, holding, offset, rank_weights, occupied, clusters: int, ridge: float, counts=1.0) -> np.ndarray:
     """(M,) non-negative factors u_m, with ridge towards 1, of logit = offset + sum_r w_r u_m(r) k_r: the classic Hilbert Map's own
-    weight per cluster, around the `rank` value. A few hundred sparse features, so all queries at once.
+    weight per cluster, around the `rank` value. A few hundred sparse features, so all queries at once. How far boxes disagree stands in
+    the offset as it is with all factors 1.
 
     values (Q, K): of the kernel, in the boxes `holding (Q, K)`, -1 for none. offset (Q,), rank_weights (K,), occupied (Q,) bool;
     counts (Q,), or one number: what each query counts for. M is `clusters`.

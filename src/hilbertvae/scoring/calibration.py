@@ -12,15 +12,16 @@ import numpy as np
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import OUTSIDE, RIM, random_gaps
 from hilbertvae.mappers.hilbert_map import HilbertMap
-from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, fit_rank_weights
+from hilbertvae.mappers.newton_logistic import logistic_weights
+from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, RankWeights, fit_rank_weights
 from hilbertvae.progress import track
 from hilbertvae.scoring.cases import occluded_parts, occlusion_case
 from hilbertvae.site import Site
 
 MOST_QUERIES = 400_000
 HEARS_SPREAD = {2: True, 3: False}
-"""Whether a weight is learned for how far boxes disagree: in 2D it tells the same from site to site, in 3D it does not
-(docs/decisions.md, "Weights that hold on other sites")."""
+"""Whether a weight is learned for how far boxes disagree: in 2D that helps some networks, and others learn next to none; in 3D it is wrong
+on the next gap seed already (docs/decisions.md, "Weights that hold on other sites")."""
 LEARNING = "Learning the map's weights"
 
 
@@ -64,16 +65,23 @@ def learn_rank_weights(
             _show(mapper, case.shown, seed)
             gather("voxels", Cloud(asked.points, asked.occupied, np.ones(len(asked.points))), np.arange(len(asked.points)), seed)
     counts = {"points": occupied_weight, "voxels": 1.0}
-    learned = {
-        name: fit_rank_weights(*map(np.concatenate, zip(*portions, strict=True)), counts[name], HEARS_SPREAD[sites[0].dimension])
-        for name, portions in gathered.items()
-    }
-    # Gaps leave few places without a box, so only what is occluded tells what is beyond them. The odds of a point are higher than those of
-    # a voxel, which counts once however many points are in it: by as much as in boxes.
-    points, voxels = learned["points"], learned["voxels"]
-    if voxels.beyond.any():
-        learned["points"] = replace(points, beyond=voxels.beyond + [0.0, points.unseen[-1] - voxels.unseen[-1]])
+    queries = {name: list(map(np.concatenate, zip(*portions, strict=True))) for name, portions in gathered.items()}
+    learned = {name: fit_rank_weights(*asked, counts[name], HEARS_SPREAD[sites[0].dimension]) for name, asked in queries.items()}
+    # Gaps leave few places without a box, so only what is occluded tells what is beyond them: of voxels.
+    beyond = learned["voxels"].beyond
+    if beyond.any():
+        beyond = beyond + [0.0, _odds_of_points(learned["voxels"], *queries["points"], counts["points"])]
+    learned["points"] = replace(learned["points"], beyond=beyond)
     return {name: weights.plain() for name, weights in learned.items()}
+
+
+def _odds_of_points(voxels: RankWeights, values, held, seen, evidence, away, occupied, occupied_weight: float) -> float:
+    """By how much the log-odds of points are above those that a voxel has at their place, where boxes answer alone: points are where
+    something is, and a voxel counts once however many are in it."""
+    chosen = ~seen & (held > 0)
+    as_voxels = voxels.logit(values, held, seen, evidence, away)[chosen]
+    counts = np.where(occupied[chosen], occupied_weight, 1.0)
+    return float(logistic_weights(np.ones((len(as_voxels), 1)), occupied[chosen], nonnegative=[], offset=as_voxels, counts=counts)[0])
 
 
 def _occlusions(sites: Sequence[Site], seeds: list[int]) -> list[tuple]:
