@@ -13,7 +13,7 @@ FEATURES = 13
 def learned(neighbours=5, seed=0):
     rng = np.random.default_rng(seed)
     unseen, everywhere = rng.uniform(0.1, 1, (2, neighbours + 1))
-    return RankWeights(unseen, rng.uniform(-0.3, 0.3, FEATURES + 2), everywhere, beyond=np.array([-0.4, -0.3])).plain()
+    return RankWeights(unseen, rng.uniform(-0.3, 0.3, FEATURES + 2), everywhere, beyond=np.array([-0.4, -0.3]), spread=-0.7).plain()
 
 
 def reconstructor(dimension=2):

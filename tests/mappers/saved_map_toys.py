@@ -11,7 +11,8 @@ FEATURES = 13
 def network(dimension=2):
     made = tiny_reconstructor(dimension)
     rng = np.random.default_rng(0)
-    made.weights = {"voxels": RankWeights(rng.uniform(0.1, 1, 6), rng.uniform(-0.3, 0.3, FEATURES + 2), rng.uniform(0.1, 1, 6)).plain()}
+    drawn = rng.uniform(0.1, 1, 6), rng.uniform(-0.3, 0.3, FEATURES + 2), rng.uniform(0.1, 1, 6)
+    made.weights = {"voxels": RankWeights(*drawn, spread=-0.7).plain()}
     return made
 
 

@@ -50,7 +50,7 @@ def answers_by_loop(mapper, cloud, queries, grids):
             logit = np.dot(weights.seen, features)
         elif values:
             louder = mapper.neighbours / len(values) if weights.level else 1.0
-            logit = np.dot(weights.unseen[: len(values)], values) * louder + weights.unseen[-1]
+            logit = np.dot(weights.unseen[: len(values)], values) * louder + weights.unseen[-1] + weights.spread * np.std(values)
         else:
             away = away_by_loop(query, cloud, evidence.resolution_m)
             logit = weights.beyond @ [away, 1.0] if mapper.evidence and np.isfinite(away) else 0.0

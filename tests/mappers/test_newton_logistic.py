@@ -64,17 +64,19 @@ def test_a_query_that_counts_for_three_is_there_three_times(sparse):
     np.testing.assert_allclose(found, logistic_weights(*thrice[:2], np.array([0, 2]), offset=thrice[2]), atol=1e-6)
 
 
-@given(seed=st.integers(0, 10_000), likeness=st.floats(0, 0.999), scale=st.floats(0.01, 100))
-@example(seed=0, likeness=0.9921875, scale=2.0)  # a weight just above 0 stood in the way of all the others
+@given(seed=st.integers(0, 10_000), likeness=st.floats(0, 0.999), scale=st.floats(0.01, 100), together=st.sampled_from([0.0, 0.5, 20.0]))
+@example(seed=0, likeness=0.9921875, scale=2.0, together=0.0)  # a weight just above 0 stood in the way of all the others
 @settings(max_examples=30)
-def test_no_weight_could_move_for_the_better(seed, likeness, scale):
+def test_no_weight_could_move_for_the_better(seed, likeness, scale, together):
     """The conditions of an optimum, by a sum over queries, where features say nearly the same and differ in size."""
     rng = np.random.default_rng(seed)
     x, y = problem(seed, features=5)
     x = (likeness * x[:, :1] + (1 - likeness) * x) * np.array([1.0, scale, 1.0, 1.0, 1.0])
     bounded = rng.random(5) < 0.6
-    found = logistic_weights(x, y, np.flatnonzero(bounded))
-    slope = sum(row * ((1 / (1 + np.exp(-row @ found))) - label) for row, label in zip(x, y, strict=True)) + 2e-3 * found
+    ridge = 1e-3 * np.eye(5)
+    ridge[:3, :3] += together * (np.eye(3) - 1 / 3)
+    found = logistic_weights(x, y, np.flatnonzero(bounded), ridge=ridge if together else 1e-3)
+    slope = sum(row * ((1 / (1 + np.exp(-row @ found))) - label) for row, label in zip(x, y, strict=True)) + 2 * ridge @ found
     free = ~bounded | (found > 0)
     assert (found[bounded] >= 0).all()
     assert (np.abs(slope[free]) < 1e-5 * len(x)).all() and (slope[~free] > -1e-5 * len(x)).all()

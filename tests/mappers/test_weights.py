@@ -131,9 +131,10 @@ def test_the_weights_of_ranks_are_held_together(monkeypatch):
     values, held, seen = said + rng.normal(0, 0.1, (count, ranks)), np.full(count, ranks), np.arange(count) % 2 == 0
     occupied = rng.random(count) < 1 / (1 + np.exp(-(0.9 * said[:, 0] - 0.5)))
     asked = values, held, seen, np.zeros((count // 2, 1)), np.full(count, np.inf), occupied
-    together = fit_rank_weights(*asked)
+    together = fit_rank_weights(*asked, spread=True)
     monkeypatch.setattr(weights_module, "RANKS_ALIKE", 0.0)
-    apart = fit_rank_weights(*asked)
+    apart = fit_rank_weights(*asked, spread=True)
+    assert together.spread == pytest.approx(apart.spread, abs=0.1)  # it has no part in the ridge
     for name in ("unseen", "everywhere"):
         one, other = getattr(together, name), getattr(apart, name)
         assert one[:3].sum() == pytest.approx(other[:3].sum(), abs=0.02)

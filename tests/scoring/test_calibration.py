@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.mappers.hilbert_map import HilbertMap
@@ -132,14 +133,23 @@ def test_what_scans_that_were_left_out_saw_teaches_voxels_too(place, learning):
 
 @pytest.mark.parametrize("slope", [0.0, -1.0])
 def test_points_take_from_voxels_what_is_beyond_all_boxes(room, monkeypatch, slope):
-    """With a point's odds; where nothing was to be learned, nothing is known there."""
-    whole = calibration.fit_rank_weights
-    monkeypatch.setattr(calibration, "fit_rank_weights", lambda *known: replace(whole(*known), beyond=np.full(2, slope * known[-2])))
+    """With what the log-odds of points are above theirs; where voxels had nothing to learn from, nothing is known, whatever points say."""
+    asked, whole = [], calibration.fit_rank_weights
+
+    def fit(*known):
+        found = replace(whole(*known), beyond=np.full(2, slope if known[-2] == 1.0 else 7.0))  # the voxels', or the points' own
+        asked.append((known, found))
+        return found
+
+    monkeypatch.setattr(calibration, "fit_rank_weights", fit)
     learned = learn_rank_weights(HilbertMap(tiny_reconstructor()), [room], 1.2, [100], occlusion=False)
+    ((values, held, seen, evidence, away, occupied, weight, _), _), (_, voxels) = asked
+    chosen = ~seen & (held > 0)
+    logit, sign = voxels.logit(values, held, seen, evidence, away)[chosen], np.where(occupied[chosen], 1, -1)
+    loss = minimize_scalar(lambda more: (np.where(sign > 0, weight, 1) * np.logaddexp(0, -sign * (logit + more))).sum())
+    assert loss.x > 0.3  # points are where something is, and an occupied one counts twice
     assert learned["voxels"]["beyond"] == [slope, slope]
-    higher = learned["points"]["unseen"][-1] - learned["voxels"]["unseen"][-1]
-    assert higher > 0.3  # points are where something is, and an occupied one counts twice
-    assert learned["points"]["beyond"] == pytest.approx([slope, slope + higher] if slope else [0.0, 0.0])
+    assert learned["points"]["beyond"] == pytest.approx([slope, slope + loss.x] if slope else [0.0, 0.0], abs=1e-4)
 
 
 def test_many_sites_teach_by_as_many_queries_as_one(room, monkeypatch):

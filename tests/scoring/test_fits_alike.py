@@ -18,8 +18,8 @@ PROTOCOL = Protocol(gap_seeds=[0, 3], gap_ratio=0.5, cluster_size_m=3.0)
 def network(dimension=2):
     made = tiny_reconstructor(dimension)
     for reading, constant in (("voxels", -0.5), ("points", 1.0)):
-        weights = RankWeights(np.array([0.3] * 5 + [constant]), np.full(15, 0.1), np.full(6, 0.2), beyond=np.array([-0.4, constant]))
-        made.weights[reading] = weights.plain()
+        unseen, beyond = np.array([0.3] * 5 + [constant]), np.array([-0.4, constant])
+        made.weights[reading] = RankWeights(unseen, np.full(15, 0.1), np.full(6, 0.2), beyond=beyond, spread=-0.7).plain()
     return made
 
 
