@@ -25,20 +25,20 @@ def logistic_weights(features, occupied, nonnegative, ridge=LIGHT_RIDGE, towards
     count = features.shape[1]
     towards = np.zeros(count) if towards is None else towards
     bounded = np.isin(np.arange(count), nonnegative)
-    pull = (lambda away: ridge * away) if np.ndim(ridge) == 0 else (lambda away: ridge @ away)
+    ridge = ridge * np.eye(count) if np.ndim(ridge) == 0 else ridge
 
     def loss(weights):
         margin = sign * (features @ weights + offset)
-        return (counts * np.logaddexp(0, -margin)).sum() + (weights - towards) @ pull(weights - towards), margin
+        return (counts * np.logaddexp(0, -margin)).sum() + (weights - towards) @ ridge @ (weights - towards), margin
 
     weights = np.where(bounded, np.maximum(towards, 0.1), 0.0)
     value, margin = loss(weights)
     for _ in range(MOST_STEPS):
         wrong = expit(-margin)
-        gradient = features.T @ (-sign * counts * wrong) + 2 * pull(weights - towards)
+        gradient = features.T @ (-sign * counts * wrong) + 2 * (ridge @ (weights - towards))
         bend = (counts * wrong * (1 - wrong))[:, None]
         hessian = (features.T @ features.multiply(bend)).toarray() if issparse(features) else features.T @ (features * bend)
-        hessian += 2 * (ridge * np.eye(count) if np.ndim(ridge) == 0 else ridge)
+        hessian += 2 * ridge
         step = gradient / np.diag(hessian)
         plain = np.where(bounded, np.minimum(step, weights), step)
         # The margin shrinks as the optimum nears. Without one, a weight just above 0 stops every step that would take it below.
