@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from hilbertvae.checks import InputError, check_positive
+from hilbertvae.cores import cores
 from hilbertvae.scans.scan import Scans
 
 SAMPLES_AT_ONCE = 1_000_000
+MOST_AT_ONCE = 4
+"""Portions of as many samples, whatever the cores: each takes some 100 MB while it is gathered."""
 MOST_ALONG = {2: 2**34, 3: 2**22}
 """Voxels along an axis: as many as a map's bricks tell apart (`mappers/voxel_bricks.py`)."""
 MOST_SAMPLES = 1e6
@@ -89,9 +95,9 @@ def voxel_votes(scans: Scans, resolution_m: float) -> VoxelVotes:
     hit_keys, hit_sums = gathered(list(scans.points.T.copy()))
     free_keys, free_sums = np.empty(0, np.int64), np.empty((1 + scans.dimension, 0))
     waiting, held = [], 0
-    for samples in _free_samples(scans, resolution_m):
-        waiting.append(gathered(samples))
-        held += len(waiting[-1][0])
+    for found in _in_order(lambda samples: gathered(samples()), _free_samples(scans, resolution_m)):
+        waiting.append(found)
+        held += len(found[0])
         if held > SAMPLES_AT_ONCE + len(free_keys):  # seldom, since each time all voxels are sorted again
             free_keys, free_sums = _merged([(free_keys, free_sums), *waiting])
             waiting, held = [], 0
@@ -157,20 +163,37 @@ def _means(count: np.ndarray, sums: np.ndarray, low: np.ndarray, index: np.ndarr
     return mean + np.where(across, 1e-6 * ((index + 0.5) * resolution_m - mean), 0.0)
 
 
-def _free_samples(scans: Scans, resolution_m: float) -> Iterator[list[np.ndarray]]:
-    """Portions of the points at every voxel length along the beams: D arrays (S,), one per axis, since numpy is slow on short rows."""
+def _in_order(task: Callable, items: Iterable) -> Iterator:
+    """What `task` makes of each item, in their order, a few of them at once: each takes memory."""
+    with ThreadPoolExecutor(count := min(cores(), MOST_AT_ONCE)) as pool:
+        waiting = deque()
+        for item in items:
+            waiting.append(pool.submit(task, item))
+            if len(waiting) > count:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+
+
+def _free_samples(scans: Scans, resolution_m: float) -> Iterator[Callable[[], list[np.ndarray]]]:
+    """Portions of the points at every voxel length along the beams, made when asked for: D arrays (S,), one per axis, since numpy is slow
+    on short rows."""
     direction = scans.points - scans.origins
     length = np.linalg.norm(direction, axis=1)
     free = np.maximum(np.floor(length / resolution_m - 0.5), 0).astype(np.int64)
     step = direction * (resolution_m / np.maximum(length, 1e-12))[:, None]
     portion = np.cumsum(free) // SAMPLES_AT_ONCE
-    for start, end in _runs(portion):
+
+    def samples(start: int, end: int) -> list[np.ndarray]:
         count = free[start:end]
         along = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 0.5
-        yield [
+        return [
             np.repeat(origin, count) + np.repeat(one, count) * along
             for origin, one in zip(scans.origins[start:end].T, step[start:end].T, strict=True)
         ]
+
+    for start, end in _runs(portion):
+        yield partial(samples, start, end)
 
 
 def _runs(values: np.ndarray) -> Iterator[tuple[int, int]]:

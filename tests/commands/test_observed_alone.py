@@ -21,13 +21,13 @@ def content(path):
 
 
 def test_asking_farther_changes_no_file(place, tmp_path, monkeypatch):
-    counts, predict, sample = [0], HilbertMap.predict_map, MapCells.sample
+    counts, describe, sample = [0], HilbertMap.describe, MapCells.sample
 
     def counted(mapper, queries):
         counts[-1] += len(queries)
-        return predict(mapper, queries)
+        return describe(mapper, queries)
 
-    monkeypatch.setattr(HilbertMap, "predict_map", counted)
+    monkeypatch.setattr(HilbertMap, "describe", counted)
     monkeypatch.setattr("time.perf_counter", lambda: 0.0)  # the page and the summary say how long it took
     settings = MapSettings(scans=str(npz_of(place, tmp_path / "room.npz")), fill=False)
     settings.output = str(tmp_path / "near")

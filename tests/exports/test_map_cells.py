@@ -10,12 +10,13 @@ from hilbertvae.checks import InputError
 from hilbertvae.exports import map_cells
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.mappers.octomap_mapper import OctoMapMapper
 from toy_rooms import tiny_reconstructor
 
 
-class Waves:
+class Waves(Mapper):
     """A mapper by formula: unknown in every other half metre along x, all of it observed where y < 0."""
 
     def __init__(self):
@@ -96,7 +97,7 @@ def test_without_a_reach_the_points_voxels_alone_are_asked(place, at_once, monke
 
 
 def test_memory_follows_the_cells_that_are_kept(monkeypatch):
-    class Silent:
+    class Silent(Mapper):
         asked = 0
 
         def predict_map(self, queries):
@@ -114,7 +115,7 @@ def test_memory_follows_the_cells_that_are_kept(monkeypatch):
 
 
 def test_a_map_that_says_nothing_is_empty(tmp_path):
-    class Unknown:
+    class Unknown(Mapper):
         def predict_map(self, queries):
             return np.full(len(queries), 0.5)
 

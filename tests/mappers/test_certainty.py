@@ -57,3 +57,16 @@ def test_the_spread_is_that_of_what_each_grid_alone_would_answer(fitted):
             said.append(1 / (1 + np.exp(-mapper.rank_weights_.logit(*features)[0])))
         assert found[q] == pytest.approx(np.std(said), abs=1e-4)
     assert found[~observed & (holding[:, 1] >= 0)].max() > 0.001 or mapper.reconstructor is None
+
+
+def test_one_look_says_all_that_three_questions_do(fitted):
+    mapper, place = fitted
+    low, high = mapper.frames_.boxes()
+    queries = np.random.default_rng(3).uniform(low.min(axis=0) - 2, high.max(axis=0) + 2, (300, place.dimension))
+    expected = mapper.predict_map(queries), mapper.predict_std(queries), mapper.observed(queries)
+    for chunk in (7, 1000):
+        mapper.chunk = chunk
+        for found, wanted in zip(mapper.describe(queries), expected, strict=True):
+            np.testing.assert_array_equal(found, wanted)
+    mapper.chunk = type(mapper).chunk
+    assert all(len(found) == 0 for found in mapper.describe(queries[:0]))

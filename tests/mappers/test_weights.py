@@ -61,6 +61,18 @@ def test_one_box_speaks_as_loudly_as_all_that_say_the_same():
     np.testing.assert_allclose(weights.grids_alone().logit(values, held, *nothing), 1.7 * held, atol=1e-12)
 
 
+@pytest.mark.parametrize("level", [True, False])
+def test_what_boxes_would_say_alone_is_what_they_would_if_all_said_the_same(level):
+    values, held, seen, evidence = random_features()
+    rng = np.random.default_rng(1)
+    weights = RankWeights(*(rng.normal(size=n) for n in (4, 6, 4)), level=level, spread=-0.7)
+    found = weights.logits_alone(values, held, seen, evidence)
+    for q, rank in np.argwhere(np.arange(3) < held[:, None]):
+        same = np.where(np.arange(3) < held[:, None], values[q, rank], 0.0)
+        # The spread of numbers that are all the same is 0, so its weight has no say.
+        assert found[q, rank] == pytest.approx(weights.logit(same, held, seen, evidence)[q], abs=1e-6)
+
+
 def test_a_logit_is_a_querys_own():
     values, held, seen, evidence = random_features(count=200)
     weights = RankWeights(*(np.random.default_rng(1).normal(size=n) for n in (4, 6, 4)), spread=-0.7)

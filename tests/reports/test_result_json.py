@@ -40,6 +40,7 @@ def test_what_made_it():
     about = provenance({"a": 1}, seconds={"data": 1.5})
     assert about["packages"]["numpy"] and about["packages"]["torch"]
     assert about["host"]["threads"] >= 1 and about["host"]["cpu"]
+    assert about["host"]["numbers"] in ("bfloat16", "float32")
     assert 10 < about["peak_memory_mb"] < 1e6
     assert about["command"] and "/" not in about["command"][0]
     assert about["config_hash"] == hash_of({"a": 1}) and about["stage_seconds"] == {"data": 1.5}

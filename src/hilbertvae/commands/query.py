@@ -50,11 +50,8 @@ def run(settings: QuerySettings) -> None:
         points = points[:, :2]
     if points.shape[1] != mapper.n_features_in_:
         raise InputError(f"{settings.points}: expected {mapper.n_features_in_} coordinates, as the map has, got {points.shape[1]}")
-    answers = {
-        "probability": mapper.predict_map(points),
-        "std": mapper.predict_std(points) if hasattr(mapper, "predict_std") else np.full(len(points), np.nan),  # OctoMap has none
-        "observed": mapper.observed(points),
-    }
+    probability, std, observed = mapper.describe(points)
+    answers = {"probability": probability, "std": np.full(len(points), np.nan) if std is None else std, "observed": observed}
     if settings.output and settings.output.endswith(".npz"):
         with atomic(settings.output) as temporary:
             np.savez_compressed(temporary, points=points, **answers)

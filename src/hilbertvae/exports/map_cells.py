@@ -10,7 +10,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_points, check_positive
 from hilbertvae.mappers.mapper import FREE_BELOW, OCCUPIED_ABOVE, Mapper
-from hilbertvae.reports.field import REACH_M, answers
+from hilbertvae.reports.field import REACH_M
 from hilbertvae.voxel_blocks import NearVoxels, lattice_index
 
 UNKNOWN_WITHIN = 0.02
@@ -77,14 +77,11 @@ class MapCells:
         for done, portion in near.portions(QUERIES_AT_ONCE):
             index = lattice_index(portion)
             centres = (index + 0.5) * resolution_m
-            probability = answers(mapper.predict_map, centres)
-            if hasattr(mapper, "observed"):
-                observed = answers(mapper.observed, centres).astype(bool)
-            else:
+            probability, std, observed = _described(mapper, centres)
+            if observed is None:
                 observed = np.concatenate([_at(near.seen.get(key), local) for key, local in portion])
             kept = observed | (np.abs(probability - 0.5) > UNKNOWN_WITHIN)
-            std = answers(mapper.predict_std, centres[kept]) if hasattr(mapper, "predict_std") else np.full(kept.sum(), np.nan)
-            parts.append((index[kept], probability[kept].astype(np.float32), std.astype(np.float32), observed[kept]))
+            parts.append((index[kept], probability[kept].astype(np.float32), std[kept].astype(np.float32), observed[kept]))
             if progress:
                 progress(done, len(near.keys))
         index, probability, std, observed = _joined(parts)
@@ -151,6 +148,16 @@ class MapCells:
         filled = np.full(shape, fill, np.asarray(values).dtype)
         filled[tuple((self.index - low).T)] = values
         return filled
+
+
+def _described(mapper: Mapper, centres: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """What a mapper tells of `centres (V, D)`, NaN for a spread that it has none of; an `InputError` if that is not one answer each."""
+    probability, std, observed = mapper.describe(centres)
+    std = np.full(len(centres), np.nan) if std is None else std
+    for found in (probability, std, observed):
+        if found is not None and np.shape(found) != (len(centres),):
+            raise InputError(f"mapper: expected answers of shape ({len(centres)},), one per query, got {np.shape(found)}")
+    return probability, std, observed
 
 
 def _joined(parts: list[tuple[np.ndarray, ...]]) -> list[np.ndarray]:

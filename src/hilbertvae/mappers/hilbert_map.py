@@ -164,7 +164,7 @@ class HilbertMap(GrowingMapper):
     def features(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
         """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, the evidence
         (S, F) of those whose was, and how far away (Q,) returns are from those that no box holds (`Evidence.away`)."""
-        phi = self._features(queries, *self._look_up(queries, self.grids_))
+        phi = self._features(queries, *self._look_up(queries, self.grids_), self.evidence_.find(queries))
         away, beyond = np.full(len(queries), np.inf), (phi[1] == 0) & ~phi[2] & (self.evidence_joins_ and self.fill)
         away[beyond] = self.evidence_.away(queries[beyond])
         return *phi, away
@@ -174,11 +174,10 @@ class HilbertMap(GrowingMapper):
         holding = self.index_.holding(queries, self.rank_weights_.neighbours)
         return holding, *kernels(list(grids), self.frames_, queries, holding, self.grid_.interpolated)
 
-    def _features(self, queries, holding, values):
+    def _features(self, queries, holding, values, voxel):
         if self.factors_ is not None:
             values *= np.where(holding != NONE, self.factors_[holding], 0.0)
-        voxel = self.evidence_.find(queries) if self.evidence_joins_ else np.full(len(queries), NONE)
-        seen = voxel != NONE
+        seen = (voxel != NONE) & self.evidence_joins_
         return values, (holding != NONE).sum(axis=1), seen, self.evidence_.features(queries[seen], voxel[seen])
 
     def _probability(self, queries):
@@ -190,14 +189,17 @@ class HilbertMap(GrowingMapper):
         `predict_proba` is p if the cell is known, which is what can be scored; inside walls and below the ground that is an idle guess.
         """
         check_is_fitted(self)
-        return answer_in_chunks(self._faded, self._checked(queries), self.chunk)
+        return answer_in_chunks(lambda part: self._shown(part)[0], self._checked(queries), self.chunk)
 
-    def _faded(self, queries):
+    def _shown(self, queries):
+        """What `predict_map` says, of which features, and where the evidence has each query."""
         grids = [self.grids_] if self.known_ is None else [self.grids_, self.known_]
         holding, values, *said = self._look_up(queries, *grids)  # in one pass, since both are read at the same cells
-        plain = expit(self.rank_weights_.logit(*self._features(queries, holding, values)))
-        fade = np.minimum(self._known_or_seen(queries, holding, said) / SHOWN_FROM[queries.shape[1]], 1.0)
-        return np.where(fade < 1.0, 0.5 + (plain - 0.5) * fade, plain)
+        voxel = self.evidence_.find(queries)
+        features = self._features(queries, holding, values, voxel)
+        plain = expit(self.rank_weights_.logit(*features))
+        fade = np.minimum(self._known_or_seen(voxel, holding, said) / SHOWN_FROM[queries.shape[1]], 1.0)
+        return np.where(fade < 1.0, 0.5 + (plain - 0.5) * fade, plain), features, voxel
 
     def predict_std(self, queries) -> np.ndarray:
         """(Q,) how far the grids that answer each query disagree: the standard deviation of what p(occupied) each alone would give.
@@ -208,10 +210,21 @@ class HilbertMap(GrowingMapper):
         return answer_in_chunks(self._spread, self._checked(queries), self.chunk)
 
     def _spread(self, queries):
-        features = self._features(queries, *self._look_up(queries, self.grids_))
-        held, seen = features[1], features[2]
-        alone = expit(self.rank_weights_.logits_alone(*features))
+        return self._spread_of(*self._features(queries, *self._look_up(queries, self.grids_), self.evidence_.find(queries)))
+
+    def _spread_of(self, values, held, seen, evidence):
+        alone = expit(self.rank_weights_.logits_alone(values, held, seen, evidence))
         return np.where((held > 0) | seen, disagreement(alone, held), 0.5)
+
+    def describe(self, queries) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As every mapper's; here each query is looked up once."""
+        check_is_fitted(self)
+        said = answer_in_chunks(self._described, self._checked(queries), self.chunk, columns=3)
+        return said[:, 0], said[:, 1], said[:, 2] > 0
+
+    def _described(self, queries):
+        shown, features, voxel = self._shown(queries)
+        return np.column_stack([shown, self._spread_of(*features), voxel != NONE])
 
     def cluster_count(self) -> int:
         """How many grids the fitted map has."""
@@ -232,15 +245,15 @@ class HilbertMap(GrowingMapper):
     def _known(self, queries):
         holding = self.index_.holding(queries, self.rank_weights_.neighbours)
         said = [] if self.known_ is None else kernels([self.known_], self.frames_, queries, holding, self.grid_.interpolated)
-        return self._known_or_seen(queries, holding, said)
+        return self._known_or_seen(self.evidence_.find(queries), holding, said)
 
-    def _known_or_seen(self, queries, holding, said):
+    def _known_or_seen(self, voxel, holding, said):
         """The mean over the boxes that hold a query; 1 in any box of a network that does not say, and 0 outside of all."""
         held = (holding != NONE).sum(axis=1)
         known = said[0].sum(axis=1) / (255 * np.maximum(held, 1)) if said else (held > 0).astype(np.float32)
-        return np.where(self.evidence_.find(queries) != NONE, 1.0, known)
+        return np.where(voxel != NONE, 1.0, known)
 
     def observed(self, queries) -> np.ndarray:
         """(Q,) bool: whether the voxel of each query was observed."""
         check_is_fitted(self)
-        return self.evidence_.find(Mapper._checked(self, queries)) >= 0  # no grid is asked
+        return self.evidence_.find(Mapper._checked(self, queries)) != NONE  # no grid is asked

@@ -28,8 +28,8 @@ FARTHEST_M = 1e100
 """Queries farther out are asked there: the square of a longer distance would be no number, and everything is as far away."""
 
 
-def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.ndarray, chunk: int) -> np.ndarray:
-    """(Q,) float64: what `answer` says of `queries (Q, D)`, at most `chunk` of them at a time, on all cores.
+def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.ndarray, chunk: int, columns: int | None = None) -> np.ndarray:
+    """(Q,) float64, or (Q, columns): what `answer` says of `queries (Q, D)`, at most `chunk` of them at a time, on all cores.
 
     Queries are taken by place, so that those of a chunk share what is looked up. Threads are enough for numpy, which lets the others
     run while it computes.
@@ -37,7 +37,7 @@ def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.nda
     if len(queries) <= chunk:
         return answer(queries)
     order = _by_place(queries)
-    answers = np.empty(len(queries))
+    answers = np.empty(len(queries) if columns is None else (len(queries), columns))
 
     def put(start: int) -> None:
         part = order[start : start + chunk]
@@ -159,6 +159,12 @@ class Mapper(ClassifierMixin, BaseEstimator):
     def predict_map(self, queries) -> np.ndarray:
         """(Q,) p(occupied) as a map shows it; a mapper that can tell where no scan would ever see says 0.5 there."""
         return self.predict_proba(queries)[:, 1]
+
+    def describe(self, queries) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
+        """What files of a map keep of `queries (Q, D)`: (Q,) `predict_map`, (Q,) `predict_std` and (Q,) bool `observed`; None for what a
+        mapper can't tell."""
+        asked = (getattr(self, name, None) for name in ("predict_std", "observed"))
+        return self.predict_map(queries), *(ask and ask(queries) for ask in asked)
 
     def predict(self, queries) -> np.ndarray:
         """(Q,) the likelier class of each query; unknown (0.5) counts as free."""

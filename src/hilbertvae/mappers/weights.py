@@ -6,7 +6,7 @@ sum log(1 + exp(-y w . Phi)) + R(w).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -90,11 +90,12 @@ class RankWeights:
     def logits_alone(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray) -> np.ndarray:
         """(Q, K) what `logit` would be if all boxes that hold a query said what each one says, and so agreed; of no use where none holds
         it."""
-        agreed, one_by_one = replace(self, spread=0.0), []
-        for value in values.T:
-            same = np.where(np.arange(values.shape[1]) < held[:, None], value[:, None], 0.0)
-            one_by_one.append(agreed.logit(same, held, seen, evidence))
-        return np.stack(one_by_one, axis=1)
+        loudness = np.append(0.0, np.cumsum(self.unseen[:-1]))[held]  # of as many ranks as hold it
+        loudness *= self.neighbours / np.maximum(held, 1) if self.level else 1.0
+        alone = values * loudness[:, None] + self.unseen[-1]
+        observed = seen_features(np.zeros_like(values[seen]), held[seen], evidence) * self.seen
+        alone[seen] = observed.sum(axis=1)[:, None] + values[seen] * self.seen[-2]
+        return alone
 
     def plain(self) -> dict:
         """As plain values, for JSON."""

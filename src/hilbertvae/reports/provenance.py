@@ -33,6 +33,8 @@ def provenance(
     """
     import torch  # late: who only reads result files does not wait for it
 
+    from hilbertvae.reconstruction.precision import fast_type
+
     return {
         "config": without_folders(config),
         "config_hash": hash_of(config if identity is None else identity),
@@ -45,6 +47,7 @@ def provenance(
             "cpu": cpu_name(),
             "cpus": os.cpu_count(),
             "threads": torch.get_num_threads(),
+            "numbers": str(fast_type()).removeprefix("torch."),  # that networks run in on this processor
         },
         "data": data or {},
         "seeds": seeds or {},

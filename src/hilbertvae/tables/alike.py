@@ -96,7 +96,8 @@ def is_unclean(run: Made) -> bool:
 def _host(run: Made) -> str:
     host = run.about["host"]
     threads = host.get("threads", "?")
-    return f"{host.get('cpu', 'an unknown processor')}, {threads} thread{'' if threads == 1 else 's'}"
+    numbers = f", networks in {host['numbers']}" if "numbers" in host else ""  # older results don't say
+    return f"{host.get('cpu', 'an unknown processor')}, {threads} thread{'' if threads == 1 else 's'}{numbers}"
 
 
 def _names(names: list[str]) -> str:
