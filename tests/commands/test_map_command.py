@@ -286,13 +286,6 @@ def test_one_return_in_space_and_fine_cells(tmp_path):
         assert (make_map(settings) / "map.png").exists()
 
 
-def test_too_few_returns_for_a_network_are_told(tmp_path):
-    np.savez(tmp_path / "few.npz", points=np.column_stack([np.full(5, 3.0), np.arange(5) * 0.3]), origins=np.zeros(2))
-    with pytest.warns(UserWarning, match="few.npz: found at most 10 voxels with returns within 12.8 m, too few"):
-        output = make_map(MapSettings(scans=str(tmp_path / "few.npz"), output=str(tmp_path / "out")))
-    assert read_grid(output / "map.npz").observed.all()
-
-
 def test_help_names_every_key(capsys):
     assert map_command.main(["--help"]) == 0
     said = capsys.readouterr().out

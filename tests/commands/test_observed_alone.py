@@ -1,8 +1,10 @@
-"""`fill=off` asks only where there can be an answer, and leaves the files that asking farther would."""
+"""Maps of what was observed alone: `fill=off` asks only where there can be an answer, and leaves the files that asking farther would; a map
+that a network could have filled says why it is not."""
 
 import json
 
 import numpy as np
+import pytest
 from map_command_toys import npz_of
 from safetensors import safe_open
 
@@ -46,3 +48,10 @@ def test_asking_farther_changes_no_file(place, tmp_path, monkeypatch):
     for summary in (one, other):
         del summary["git"]  # of the code, which may be worked on meanwhile
     assert one == other
+
+
+def test_too_few_returns_for_a_network_are_told(tmp_path):
+    np.savez(tmp_path / "few.npz", points=np.column_stack([np.full(5, 3.0), np.arange(5) * 0.3]), origins=np.zeros(2))
+    with pytest.warns(UserWarning, match="few.npz: found at most 10 voxels with returns within 12.8 m, too few"):
+        output = make_map(MapSettings(scans=str(tmp_path / "few.npz"), output=str(tmp_path / "out")))
+    assert read_grid(output / "map.npz").observed.all()

@@ -50,8 +50,7 @@ def run(settings: QuerySettings) -> None:
         points = points[:, :2]
     if points.shape[1] != mapper.n_features_in_:
         raise InputError(f"{settings.points}: expected {mapper.n_features_in_} coordinates, as the map has, got {points.shape[1]}")
-    probability, std, observed = mapper.describe(points)
-    answers = {"probability": probability, "std": np.full(len(points), np.nan) if std is None else std, "observed": observed}
+    answers = dict(zip(("probability", "std", "observed"), mapper.describe(points), strict=True))
     if settings.output and settings.output.endswith(".npz"):
         with atomic(settings.output) as temporary:
             np.savez_compressed(temporary, points=points, **answers)

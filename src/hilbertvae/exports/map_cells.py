@@ -151,13 +151,12 @@ class MapCells:
 
 
 def _described(mapper: Mapper, centres: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """What a mapper tells of `centres (V, D)`, NaN for a spread that it has none of; an `InputError` if that is not one answer each."""
-    probability, std, observed = mapper.describe(centres)
-    std = np.full(len(centres), np.nan) if std is None else std
-    for found in (probability, std, observed):
+    """What a mapper tells of `centres (V, D)`; an `InputError` if that is not one answer each."""
+    described = mapper.describe(centres)
+    for found in described:
         if found is not None and np.shape(found) != (len(centres),):
             raise InputError(f"mapper: expected answers of shape ({len(centres)},), one per query, got {np.shape(found)}")
-    return probability, std, observed
+    return described
 
 
 def _joined(parts: list[tuple[np.ndarray, ...]]) -> list[np.ndarray]:

@@ -160,11 +160,11 @@ class Mapper(ClassifierMixin, BaseEstimator):
         """(Q,) p(occupied) as a map shows it; a mapper that can tell where no scan would ever see says 0.5 there."""
         return self.predict_proba(queries)[:, 1]
 
-    def describe(self, queries) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
-        """What files of a map keep of `queries (Q, D)`: (Q,) `predict_map`, (Q,) `predict_std` and (Q,) bool `observed`; None for what a
-        mapper can't tell."""
-        asked = (getattr(self, name, None) for name in ("predict_std", "observed"))
-        return self.predict_map(queries), *(ask and ask(queries) for ask in asked)
+    def describe(self, queries) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """What files of a map keep of `queries (Q, D)`: (Q,) `predict_map`, (Q,) `predict_std`, NaN from a mapper that has none, and (Q,)
+        bool `observed`, None from one that can't tell."""
+        std = self.predict_std(queries) if hasattr(self, "predict_std") else np.full(len(queries), np.nan)
+        return self.predict_map(queries), std, self.observed(queries) if hasattr(self, "observed") else None
 
     def predict(self, queries) -> np.ndarray:
         """(Q,) the likelier class of each query; unknown (0.5) counts as free."""
