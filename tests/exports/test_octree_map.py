@@ -45,8 +45,8 @@ def test_octomap_reads_each_cell_in_its_place(cells, tmp_path_factory):
         for name, part in (("map", np.ones(len(cells), bool)), ("map_observed", cells.observed)):
             found, cell_m = leaves(folder / f"{name}{ending}")
             assert cell_m == pytest.approx(cells.resolution_m, rel=1e-15)
-            p = cells.probability.astype(float)
-            told = part if ending == ".ot" else part & ((p > 0.6 + 1e-6) | (p < 0.4 + 1e-5))
+            p = cells.probability
+            told = part if ending == ".ot" else part & ((p > np.float32(0.6)) | (p <= np.float32(0.4 + 1e-6)))
             voxels = list(map(tuple, cells.index[told].tolist()))
             assert found.keys() == set(voxels)
             values = np.array([found[voxel] for voxel in voxels])
