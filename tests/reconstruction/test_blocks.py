@@ -4,7 +4,16 @@ import pytest
 import torch
 from torch import nn
 
-from hilbertvae.reconstruction.blocks import ResidualBlock, find_encoding, group_norm, hit_free, signed, spread_channels
+from hilbertvae.reconstruction.blocks import (
+    CHANNELS_LAST,
+    ENCODINGS,
+    ResidualBlock,
+    find_encoding,
+    group_norm,
+    hit_free,
+    signed,
+    spread_channels,
+)
 
 
 def test_encodings_cell_by_cell():
@@ -30,6 +39,15 @@ def test_spread_channels_by_an_explicit_loop(dimension, stride):
             for i in cell:
                 part = part * stride + i % stride
             assert found[(0, c, *cell)] == x[(0, c * stride**dimension + part, *(i // stride for i in cell))]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_spread_channels_lie_last_whatever_lay_before(dimension):
+    x = torch.randn(2, 2 * 2**dimension, *(3,) * dimension)
+    last = CHANNELS_LAST[dimension]
+    one, other = spread_channels(x, 2), spread_channels(x.to(memory_format=last), 2)
+    assert torch.equal(one, other)
+    assert one.is_contiguous(memory_format=last) and other.is_contiguous(memory_format=last)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -61,3 +79,15 @@ def test_a_detailed_encoding_cell_by_cell(dimension):
     assert found[(0, slice(None), *first)].tolist() == [1, 0, 1, 0.5, 1, -0.5, 0.25][: 4 + dimension]
     assert found[(1, slice(None), *last)].tolist() == [0, 1, 0, 2, 0, 0, 0][: 4 + dimension]
     assert found.count_nonzero() == 2 + 3 + dimension
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("name", ["hit_free", "detailed"])
+def test_what_is_encoded_is_made_in_the_numbers_that_layers_take(dimension, name):
+    shape = (2, *(4,) * dimension) if name == "hit_free" else (2, 3 + dimension, *(4,) * dimension)
+    grids = torch.randint(-127, 128, shape, dtype=torch.int8)
+    encode, _ = ENCODINGS[name]
+    with torch.autocast("cpu", torch.bfloat16):
+        found = encode(grids)
+    assert found.dtype == torch.bfloat16
+    assert torch.equal(found, encode(grids).bfloat16())  # rounded once

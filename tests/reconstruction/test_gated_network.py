@@ -2,6 +2,7 @@ import pytest
 import torch
 
 from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.blocks import CHANNELS_LAST
 from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
 from toy_rooms import draw_weights
 
@@ -135,6 +136,20 @@ def test_a_grid_is_answered_alone(dimension):
     whole = network(grids).output
     for k in range(6):
         torch.testing.assert_close(network(grids[k : k + 1]).output[0], whole[k])
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("numbers", [torch.float32, torch.bfloat16])
+def test_convolutions_are_given_what_they_need_not_copy(dimension, numbers):
+    """A skip in float32 takes the level above it there as well, and one that lies otherwise is copied."""
+    network = small(dimension).eval().to(memory_format=CHANNELS_LAST[dimension])
+    given = []
+    for layer in (network.join[0], network.join[1], network.up[0], network.up[1]):
+        layer.register_forward_pre_hook(lambda layer, inputs: given.append(inputs[0]))
+    with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16, enabled=numbers is torch.bfloat16):
+        network(codes(dimension))
+    assert len(given) == 4
+    assert all(x.dtype == numbers and x.is_contiguous(memory_format=CHANNELS_LAST[dimension]) for x in given)
 
 
 def test_every_weight_is_trained():

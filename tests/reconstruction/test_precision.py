@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from hilbertvae.reconstruction import precision
-from hilbertvae.reconstruction.precision import fast_autocast, fast_type
+from hilbertvae.reconstruction.precision import fast_autocast, fast_type, layer_type
 from toy_rooms import tiny_reconstructor
 
 
@@ -28,6 +28,15 @@ def test_processors_that_multiply_in_bfloat16_do_so(monkeypatch, features, wante
 def test_a_torch_that_does_not_say(monkeypatch):
     monkeypatch.delattr(torch.cpu, "get_capabilities", raising=False)
     assert fast_type() is torch.float32
+
+
+def test_layers_take_the_numbers_of_the_autocast_that_runs():
+    cpu = torch.device("cpu")
+    assert layer_type(cpu) is torch.float32
+    with torch.autocast("cpu", torch.bfloat16):
+        assert layer_type(cpu) is torch.bfloat16
+        with torch.autocast("cpu", enabled=False):
+            assert layer_type(cpu) is torch.float32
 
 
 def test_devices_of_other_kinds(monkeypatch):

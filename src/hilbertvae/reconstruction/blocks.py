@@ -11,6 +11,7 @@ from torch.nn import functional as F
 
 from hilbertvae.checks import InputError, check_count
 from hilbertvae.grids.aligned_grid import COUNT_STEPS, PLACE_STEPS
+from hilbertvae.reconstruction.precision import layer_type
 
 CONVOLUTION = {2: nn.Conv2d, 3: nn.Conv3d}
 CHANNELS_LAST = {2: torch.channels_last, 3: torch.channels_last_3d}
@@ -53,15 +54,16 @@ HIT_FREE_CHANNELS = 2
 
 def hit_free(grids: Tensor) -> Tensor:
     """Two channels, hit and free; both 0 where unknown, so that unknown is no value between the two."""
-    return torch.stack([grids > 0, grids < 0], dim=1).float()
+    return torch.stack([grids > 0, grids < 0], dim=1).to(layer_type(grids.device))
 
 
 def detailed(grids: Tensor) -> Tensor:
     """`hit_free` of the labels of (B, 3 + D, n, ..., n) int8 grids, as `bin_detailed` makes them, and their counts and places, each
     about 1 where it is large."""
-    details = grids[:, 1:].float()
-    scale = torch.tensor([4.0 * COUNT_STEPS] * 2 + [PLACE_STEPS / 2] * (details.shape[1] - 2), device=grids.device)
-    return torch.cat([hit_free(grids[:, 0]), details / scale.reshape(-1, *(1,) * (grids.ndim - 2))], dim=1)
+    label, details = grids[:, :1], grids[:, 1:]
+    scale = [1.0] * HIT_FREE_CHANNELS + [4.0 * COUNT_STEPS] * 2 + [PLACE_STEPS / 2] * (details.shape[1] - 2)
+    scale = torch.tensor(scale, dtype=layer_type(grids.device), device=grids.device).reshape(-1, *(1,) * (grids.ndim - 2))
+    return torch.cat([label > 0, label < 0, details], dim=1) / scale
 
 
 ENCODINGS = {"signed": (signed, (1, 1)), "hit_free": (hit_free, (HIT_FREE_CHANNELS,) * 2), "detailed": (detailed, (6, 7))}
@@ -115,11 +117,13 @@ class ResidualBlock(nn.Module):
 
 
 def spread_channels(x: Tensor, stride: int) -> Tensor:
-    """Pixel shuffle in D dimensions: (B, C stride^D, m, ..., m) to (B, C, m stride, ..., m stride)."""
+    """Pixel shuffle in D dimensions: (B, C stride^D, m, ..., m) to (B, C, m stride, ..., m stride), channels last in memory, as networks
+    lie, so that what follows copies nothing."""
     batch, channels, *size = x.shape
     dimension = len(size)
-    x = x.reshape(batch, channels // stride**dimension, *(stride,) * dimension, *size)
-    order = [0, 1]
+    x = x.movedim(1, -1).reshape(batch, *size, channels // stride**dimension, *(stride,) * dimension)
+    order = [0]
     for d in range(dimension):
-        order += [2 + dimension + d, 2 + d]
-    return x.permute(order).reshape(batch, channels // stride**dimension, *(length * stride for length in size))
+        order += [1 + d, 2 + dimension + d]
+    x = x.permute(*order, 1 + dimension).reshape(batch, *(length * stride for length in size), channels // stride**dimension)
+    return x.movedim(-1, 1)

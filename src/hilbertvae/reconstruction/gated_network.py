@@ -125,7 +125,7 @@ class GatedNetwork(nn.Module):
         for level, blocks in enumerate(self.down):
             x = blocks(x)
             if level < len(self.shrink):
-                kept.append(x * gate)
+                kept.append(x * gate.to(x.dtype))  # autocast pools in float32, and would go on in it
                 gate = MEAN_POOL[self.dimension](gate, 2)
                 x = self.shrink[level](x)
         return x, kept

@@ -40,3 +40,8 @@ def training_type(device: str, dimension: int, bottom_cells: int) -> torch.dtype
 def fast_autocast(device: str = "cpu", numbers: torch.dtype | None = None) -> torch.autocast:
     """A context in which networks run in `numbers`, `fast_type(device)` unless given."""
     return torch.autocast(torch.device(device).type, torch.bfloat16, enabled=(numbers or fast_type(device)) is torch.bfloat16)
+
+
+def layer_type(device: torch.device) -> torch.dtype:
+    """The numbers that layers take here: those of the autocast that runs, else float32. What is made in them needs no copy."""
+    return torch.get_autocast_dtype(device.type) if torch.is_autocast_enabled(device.type) else torch.float32
