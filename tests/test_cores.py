@@ -1,9 +1,10 @@
 import os
+import threading
 
 import pytest
 
 from hilbertvae import cores as module
-from hilbertvae.cores import FEW, cores, workers
+from hilbertvae.cores import FEW, cores, on_all_cores, workers
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="a process is bound to cores on Linux alone")
@@ -20,3 +21,17 @@ def test_only_the_cores_that_a_process_may_use_count():
 def test_one_thread_for_what_others_are_beside_and_all_for_more(monkeypatch):
     monkeypatch.setattr(module, "cores", lambda: 7)
     assert [workers(count) for count in (0, FEW, FEW + 1)] == [1, 1, 7]
+
+
+def test_as_many_tasks_at_a_time_as_there_are_cores(monkeypatch):
+    monkeypatch.setattr(module, "cores", lambda: 3)
+    together, done = threading.Barrier(3, timeout=30), []  # breaks unless three are there at once
+    on_all_cores(lambda item: (together.wait(), done.append(item)), range(6))
+    assert sorted(done) == list(range(6))
+    on_all_cores(done.append, [])
+
+
+def test_what_a_task_raises_is_raised(monkeypatch):
+    monkeypatch.setattr(module, "cores", lambda: 2)
+    with pytest.raises(ZeroDivisionError):
+        on_all_cores(lambda item: 1 / item, [1, 0, 1])

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hilbertvae import cores
 from hilbertvae.cloud import Cloud
 from hilbertvae.grids import aligned_grid
 from hilbertvae.grids.aligned_grid import (
@@ -48,12 +49,13 @@ def test_binning_equals_brute_force(seed, dimension, turned, cells):
         np.testing.assert_array_equal(found, expected)
 
 
-def test_portions_of_frames_change_nothing(monkeypatch):
+def test_portions_of_frames_and_threads_change_nothing(monkeypatch):
     rng = np.random.default_rng(0)
     cloud = Cloud(rng.uniform(-3, 3, (300, 2)), rng.random(300) < 0.4, np.ones(300))
     frames = random_frames(rng, 11, 2, True)
     whole = bin_points(cloud, frames, 8)
-    monkeypatch.setattr(aligned_grid, "CELLS_AT_ONCE", 4 * 8**2)
+    monkeypatch.setattr(aligned_grid, "CELLS_AT_ONCE", 2 * 8**2)
+    monkeypatch.setattr(cores, "cores", lambda: 4)
     for found, expected in zip(bin_points(cloud, frames, 8), whole, strict=True):
         np.testing.assert_array_equal(found, expected)
 

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.base import clone
 
+from hilbertvae import cores as cores_module
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
 from hilbertvae.mappers import evidence, hilbert_map
-from hilbertvae.mappers import mapper as mapper_module
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.saved_map import load_map, save_map
@@ -250,6 +250,6 @@ def test_what_answers_are_looked_up_with_is_made_once_whatever_the_threads(room,
     for module, name in ((hilbert_map, "FrameIndex"), (evidence, "cKDTree")):
         slow = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *given, name=name, slow=slow: (time.sleep(0.02), made.append(name), slow(*given))[-1])
-    monkeypatch.setattr(mapper_module, "cores", lambda: 8)
+    monkeypatch.setattr(cores_module, "cores", lambda: 8)
     mapper.predict_proba(queries)
     assert sorted(made) == ["FrameIndex", "cKDTree", "cKDTree"]

@@ -5,13 +5,14 @@ Points are moved into the frame and binned once, there; a grid is never rotated 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from hilbertvae.bucket_index import BucketIndex
 from hilbertvae.cloud import Cloud
+from hilbertvae.cores import on_all_cores
 from hilbertvae.grids.frame import Frames
 
 FREE, UNKNOWN, OCCUPIED = -1, 0, 1
@@ -65,8 +66,11 @@ def bin_points(cloud: Cloud | IndexedCloud, frames: Frames, cells: int) -> tuple
     """
     shape = (len(frames), *(cells,) * frames.centre.shape[1])
     hits, frees = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    for found, of in members(cloud, frames, cells):
+
+    def put(found: Members, of: Cloud) -> None:
         hits[found.frames], frees[found.frames] = count_votes(of, found, shape[1:])
+
+    bin_members(put, cloud, frames, cells)
     return hits, frees
 
 
@@ -74,24 +78,30 @@ def bin_places(cloud: Cloud | IndexedCloud, frames: Frames, cells: int) -> np.nd
     """int8 (M, D, cells, ..., cells): where in each cell its returns lie (`mean_places`)."""
     dimension = frames.centre.shape[1]
     places = np.zeros((len(frames), dimension, *(cells,) * dimension), np.int8)
-    for found, of in members(cloud, frames, cells):
+
+    def put(found: Members, of: Cloud) -> None:
         places[found.frames] = mean_places(of, frames, found, cells)
+
+    bin_members(put, cloud, frames, cells)
     return places
 
 
-def members(cloud: Cloud | IndexedCloud, frames: Frames, cells: int) -> Iterator[tuple[Members, Cloud]]:
-    """The points in the boxes of some frames after the other, and the cloud that they are of: few enough at a time to stay in the
-    processor's cache. None without points."""
+def bin_members(put: Callable[[Members, Cloud], None], cloud: Cloud | IndexedCloud, frames: Frames, cells: int) -> None:
+    """Call `put` with the points in the boxes of some frames after the other, and the cloud that they are of: few enough at a time to
+    stay in the processor's cache, on all cores. Without points it is not called."""
     if not len(cloud) or not len(frames):
         return
     cloud = IndexedCloud.around(cloud, frames)
     at_once = max(1, CELLS_AT_ONCE // cells ** frames.centre.shape[1])
     low, high = frames.boxes()
-    for start in range(0, len(frames), at_once):
+
+    def part(start: int) -> None:
         chosen = slice(start, min(start + at_once, len(frames)))
         box, point = cloud.index.in_boxes(low[chosen], high[chosen])
         cell, inside = cell_index(frames, cloud.cloud.points[point], box + start, cells)
-        yield Members(chosen, box[inside], point[inside], cell[inside]), cloud.cloud
+        put(Members(chosen, box[inside], point[inside], cell[inside]), cloud.cloud)
+
+    on_all_cores(part, range(0, len(frames), at_once))
 
 
 def count_votes(cloud: Cloud, found: Members, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from hilbertvae.checks import InputError, check_positive, check_whole
 from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
 from hilbertvae.clusters.clusters import Clusters
 from hilbertvae.clusters.starts import check_start, find_clusters
-from hilbertvae.grids.aligned_grid import UNKNOWN, IndexedCloud, count_code, count_votes, mean_places, members, vote
+from hilbertvae.grids.aligned_grid import UNKNOWN, IndexedCloud, Members, bin_members, count_code, count_votes, mean_places, vote
 from hilbertvae.grids.frame import Frames, FrameSettings, cluster_frames
 
 COUNTS, PLACES = slice(1, 3), 3
@@ -114,12 +114,15 @@ def _bin_channels(
     """int8 (M, channels, n, ..., n): labels, what `details(hits, frees)` makes of the votes, and the places of returns or 0 in the rest."""
     shape = (settings.cells,) * frames.centre.shape[1]
     grids = np.full((len(frames), channels, *shape), UNKNOWN, np.int8)
-    for found, of in members(cloud, frames, settings.cells):
+
+    def put(found: Members, of: Cloud) -> None:
         hits, frees = count_votes(of, found, shape)
         for channel, values in enumerate((vote(hits, frees, settings.occupied_share), *details(hits, frees))):
             grids[found.frames, channel] = values
         if places:
             grids[found.frames, PLACES:] = mean_places(of, frames, found, settings.cells)
+
+    bin_members(put, cloud, frames, settings.cells)
     return grids
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import numpy as np
@@ -17,7 +16,7 @@ from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from hilbertvae.checks import InputError, check_whole, refuse_masked
-from hilbertvae.cores import FEW, cores
+from hilbertvae.cores import FEW, on_all_cores
 
 OCCUPIED_ABOVE = 0.6
 """Occupied if p > 0.6 (paper, section IV)."""
@@ -31,8 +30,7 @@ FARTHEST_M = 1e100
 def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.ndarray, chunk: int, columns: int | None = None) -> np.ndarray:
     """(Q,) float64, or (Q, columns): what `answer` says of `queries (Q, D)`, at most `chunk` of them at a time, on all cores.
 
-    Queries are taken by place, so that those of a chunk share what is looked up. Threads are enough for numpy, which lets the others
-    run while it computes.
+    Queries are taken by place, so that those of a chunk share what is looked up.
     """
     if len(queries) <= chunk:
         return answer(queries)
@@ -43,8 +41,7 @@ def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.nda
         part = order[start : start + chunk]
         answers[part] = answer(queries[part])
 
-    with ThreadPoolExecutor(cores()) as pool:
-        list(pool.map(put, range(0, len(queries), chunk)))
+    on_all_cores(put, range(0, len(queries), chunk))
     return answers
 
 
