@@ -10,7 +10,10 @@ from hilbertvae.grids.kernel import NONE, FrameIndex, kernel, kernels
 
 
 def random_frames(rng, count, dimension, turned, spread=4.0, one_scale=False):
-    rotation = np.linalg.qr(rng.normal(size=(count, dimension, dimension)))[0] if turned else np.tile(np.eye(dimension), (count, 1, 1))
+    rotation = np.tile(np.eye(dimension), (count, 1, 1))
+    if turned:
+        axes = int(rng.integers(2, dimension + 1))  # in space half of them about the vertical alone
+        rotation[:, :axes, :axes] = np.linalg.qr(rng.normal(size=(count, axes, axes)))[0]
     scale = np.full(count, 3.0) if one_scale else rng.uniform(1.0, 5.0, count)
     return Frames(rng.uniform(-spread, spread, (count, dimension)), rotation, scale)
 

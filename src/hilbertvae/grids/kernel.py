@@ -15,9 +15,9 @@ from hilbertvae.grids.aligned_grid import cell_index
 from hilbertvae.grids.frame import Frames
 
 CANDIDATES = {2: 12, 3: 24}
-"""Frames near a patch that are tried for each query in it; a query that they can't settle is searched alone."""
+"""Frames near a patch that are tried first for each query in it."""
 PATCHES = {2: 16, 3: 4}
-"""Patches along the longest reach of a box. In space queries lie so thinly that smaller ones would hold one query each."""
+"""Patches along the longest reach of a box, at first. In space queries often lie so thinly that smaller ones would hold one each."""
 NONE = -1
 
 
@@ -30,6 +30,10 @@ class FrameIndex:
         self.reach_m = float((frames.scale / 2 * np.sqrt(frames.centre.shape[1])).max(initial=0.0))
         low, high = frames.boxes()
         self.low, self.high = low.min(axis=0, initial=np.inf), high.max(axis=0, initial=-np.inf)
+        # Of a turn about the vertical most entries are 0: only those that are not, somewhere, are multiplied by.
+        own = (frames.rotation == np.eye(frames.centre.shape[1])).all(axis=0).all(axis=0)
+        mixed = (frames.rotation != 0).any(axis=0)
+        self.mixed = [None if alone else np.flatnonzero(axes) for alone, axes in zip(own, mixed.T, strict=True)]
 
     def holding(self, queries: np.ndarray, nearest: int) -> np.ndarray:
         """(Q, nearest) int64: frame numbers, the nearest first (of two at one distance the lower number), `NONE` where fewer boxes hold
@@ -37,15 +41,22 @@ class FrameIndex:
 
         Queries are gathered into patches, and each patch asks the tree once: its nearest frames are the candidates of all its
         queries. A frame that is no candidate is farther from the patch's middle than the last candidate, which settles most
-        queries; the others widen the search. So the answer is exact, and the same for any batch.
+        queries; the others are gathered into smaller patches with more candidates. So the answer is exact, and the same for any batch.
         """
         chosen = np.full((len(queries), nearest), NONE, np.int64)
         asked = np.flatnonzero(((queries >= self.low) & (queries <= self.high)).all(axis=1))
         if not len(asked):
             return chosen
-        queries = queries[asked]
-        dimension = queries.shape[1]
-        size = self.reach_m / PATCHES[dimension]
+        left, count, size = asked, max(CANDIDATES[queries.shape[1]], 2 * nearest), self.reach_m / PATCHES[queries.shape[1]]
+        finest = size / 4
+        while len(left):
+            found, settled = self._holding(queries[left], nearest, min(count, len(self.frames)), size)
+            chosen[left[settled]] = found[settled]
+            left, count, size = left[~settled], 2 * count, finest
+        return chosen
+
+    def _holding(self, queries: np.ndarray, nearest: int, count: int, size: float) -> tuple[np.ndarray, np.ndarray]:
+        """What `holding` says of queries in patches of `size` metres, with `count` candidates each, and which of these (Q,) are settled."""
         patch = np.floor((queries - self.low) / size).astype(np.int64)
         lowest = patch.min(axis=0)
         shape = tuple(patch.max(axis=0) - lowest + 1)
@@ -53,18 +64,8 @@ class FrameIndex:
         # As few bits as will do: numpy sorts 16 of them in one pass.
         _, first, member = np.unique(key.astype(np.min_scalar_type(math.prod(shape))), return_index=True, return_inverse=True)
         middle = (patch[first] + 0.5) * size + self.low
-        slack = size * np.sqrt(dimension) / 2
-
-        count = min(max(CANDIDATES[dimension], 2 * nearest), len(self.frames))
         candidate, beyond = self._nearest_to(middle, count)
-        found, settled = self._choose(queries, candidate, member, beyond - slack, nearest)
-        while not settled.all():
-            count = min(4 * count, len(self.frames))
-            left = np.flatnonzero(~settled)
-            candidate, beyond = self._nearest_to(queries[left], count)
-            found[left], settled[left] = self._choose(queries[left], candidate, np.arange(len(left)), beyond, nearest)
-        chosen[asked] = found
-        return chosen
+        return self._choose(queries, candidate, member, beyond - size * np.sqrt(queries.shape[1]) / 2, nearest)
 
     def _nearest_to(self, points: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         """(P, count) the frames nearest to each of `points (P, D)`, in ascending order of number, and how far all others are at least."""
@@ -81,7 +82,10 @@ class FrameIndex:
         distance = np.sqrt(sum(axis * axis for axis in moved))
         if self.frames.turned:
             turn = self.frames.rotation[candidate]
-            moved = [sum(axis * turn[..., d, e][member] for d, axis in enumerate(moved)) for e in range(len(moved))]
+            moved = [
+                along if axes is None else sum(moved[d] * turn[..., d, e][member] for d in axes)
+                for e, (along, axes) in enumerate(zip(moved, self.mixed, strict=True))
+            ]
         inside = np.ones(distance.shape, bool)
         for axis in moved:
             axis /= scale
