@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from hilbertvae.checks import InputError, how_to_install
+from hilbertvae.cores import on_all_cores
 from hilbertvae.exports.grid_npz import write_grid
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.mesh_ply import write_mesh_ply
@@ -60,17 +61,19 @@ def suiting_exports(names: Sequence[str] | None, dimension: int) -> list[str]:
 
 
 def write_exports(names: Sequence[str], cells: MapCells, folder: Path, asked_for: bool = True) -> None:
-    """Write the files of these formats into `folder`.
+    """Write the files of these formats into `folder`, several at a time.
 
     A map may be too large for a format. What was asked for then ends in an `InputError`; what was not is left out, with a warning.
     """
-    for name in names:
-        before = set(folder.iterdir())
+
+    def write(name: str) -> None:
         try:
             EXPORTS[name].write(cells, folder / EXPORTS[name].files[0])
         except InputError as error:
             if asked_for:
                 raise InputError(f"exports: {name}: {error}") from error
-            for file in set(folder.iterdir()) - before:
-                file.unlink()
+            for file in EXPORTS[name].files:
+                (folder / file).unlink(missing_ok=True)
             warnings.warn(f"{name} is left out: {error}", stacklevel=2)
+
+    on_all_cores(write, names)
