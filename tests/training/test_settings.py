@@ -20,6 +20,11 @@ def test_good_settings_pass():
     Settings(data=DataSettings(simulated=3)).check()
 
 
+def test_simulated_sites_follow_the_first():
+    settings = Settings(data=DataSettings(simulated=3, simulated_first=1600))
+    assert settings.simulated_sites() == ["simulated:1600", "simulated:1601", "simulated:1602"]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -55,6 +60,8 @@ def test_good_settings_pass():
         ({"clustering": ClusteringSettings(clusterings=0)}, "clustering.clusterings: expected a whole number of at least 1, got 0"),
         ({"data": DataSettings(simulated=3, simulated_clusterings=0)}, "data.simulated_clusterings: expected a whole number"),
         ({"data": DataSettings(simulated=-2)}, "data.simulated: expected a number from 0 on, got -2"),
+        ({"data": DataSettings(simulated=2, simulated_first=-1)}, "data.simulated_first: expected a number from 0 on, got -1"),
+        ({"data": DataSettings(simulated=9, simulated_first=900000)}, "data.validate: 'simulated:900001' is also trained on"),
         ({"task": "clustering", "data": DataSettings(simulated=1, test=[])}, "data.test: expected a site whose returns are clustered"),
         ({"trainer": TrainerSettings(accelerator="gpo")}, "trainer.accelerator: expected one of auto, cpu, gpu, cuda, mps, got 'gpo'"),
         ({"calibration_seeds": []}, "calibration_seeds: expected one or more different seeds from 0 on"),

@@ -48,7 +48,9 @@ class DataSettings:
     """What the Hilbert Map's weights are learned on, if not on the site of `validate`: one building's need not be another's."""
     test: list[str] = field(default_factory=lambda: ["simulated:900002"])
     simulated: int = 0
-    """Simulated buildings, in 3D streets, to train on, beside the sites of `train`; seeds 0, 1, ..."""
+    """Simulated buildings, in 3D streets, to train on, beside the sites of `train`."""
+    simulated_first: int = 0
+    """Seed of the first of them, those of the others follow: a training that goes on may see others than the one before."""
     simulated_clusterings: int = 2
     """Times each simulated site is clustered; real sites take `clustering.clusterings`."""
     simulated_scans: int = 700
@@ -164,7 +166,8 @@ class Settings:
 
     def simulated_sites(self) -> list[str]:
         """References of the simulated sites that are trained on."""
-        return [f"{SIMULATED}{number}" for number in range(self.data.simulated)]
+        first = self.data.simulated_first
+        return [f"{SIMULATED}{number}" for number in range(first, first + self.data.simulated)]
 
     def calibration_sites(self) -> list[str]:
         """References of the sites that the Hilbert Map's weights are learned on."""
@@ -199,7 +202,8 @@ class Settings:
         self.evaluation.check()
         if not self.data.train and not self.data.simulated:
             raise InputError("data.train: expected at least one site, or data.simulated buildings, got neither")
-        check_not_negative(self.data.simulated, "data.simulated")
+        for key in ("simulated", "simulated_first", "processes"):
+            check_not_negative(getattr(self.data, key), f"data.{key}")
         if self.task == "clustering" and self.study.cloud == "returns" and not self.data.test:
             raise InputError("data.test: expected a site whose returns are clustered, got none")
         extent = self.data.simulated_extent_m
@@ -222,7 +226,6 @@ class Settings:
             check_count(self.data.simulated_clusterings, "data.simulated_clusterings")
         check_seeds(self.calibration_seeds, "calibration_seeds")
         check_positive(self.scoring_processes, "scoring_processes")
-        check_not_negative(self.data.processes, "data.processes")
         check_positive(self.validation_gap_m, "validation_gap_m")
         check_occupied_weight(self.calibration_occupied_weight, "calibration_occupied_weight")
         if self.flips not in (None, 1, 2, 4, 8):
