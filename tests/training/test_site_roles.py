@@ -9,14 +9,14 @@ from hilbertvae.files import path_sha256
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.training.scoring import give_networks
-from hilbertvae.training.site_roles import check_roles, check_unseen, place
+from hilbertvae.training.site_roles import check_roles, check_unseen, many_simulated, place
 from hilbertvae.training.train import train
 from toy_rooms import tiny_reconstructor
 
 CARD = {
     "trained_on": ["fr079", "30 simulated buildings"],
     "validated_on": "csail",
-    "started_from": {"trained_on": ["aces", "simulated:77", "12 simulated buildings"], "validated_on": "fhw"},
+    "started_from": {"trained_on": ["aces", "simulated:77", "12 simulated buildings from 1600 on"], "validated_on": "fhw"},
 }
 
 
@@ -36,15 +36,29 @@ def test_a_copy_of_a_real_site_is_that_site(tmp_path, monkeypatch):
         check_roles(["fr079"], "csail", [str(copy)])
 
 
-@pytest.mark.parametrize("site", ["fr079", "aces", "simulated:0", "simulated:029", "simulated:77"])
+@pytest.mark.parametrize("site", ["fr079", "aces", "simulated:0", "simulated:029", "simulated:77", "simulated:1600", "simulated:1611"])
 def test_what_a_network_was_trained_on_is_no_test(site):
     with pytest.raises(InputError, match=f"data.test: {site} is among what the network was trained on"):
         check_unseen(["intel", site], CARD, "data.test", "the network")
 
 
 def test_what_a_network_has_not_seen_is_one_and_its_validation_site_may_be_asked():
-    check_unseen(["intel", "csail", "fhw", "simulated:30", "simulated:900002", "no/such/path.log"], CARD, "data.test", "the network")
+    check_unseen(
+        ["intel", "csail", "fhw", "simulated:30", "simulated:1599", "simulated:1612", "simulated:900002", "no/such/path.log"],
+        CARD,
+        "data.test",
+        "the network",
+    )
     check_unseen(["intel"], {}, "data.test", "the network")
+
+
+@pytest.mark.parametrize("first", [0, 1600])
+def test_a_card_says_which_simulated_sites_it_was(first):
+    card = {"trained_on": [many_simulated(3, 5, first)]}
+    for site in range(first, first + 5):
+        with pytest.raises(InputError, match=f"simulated:{site} is among"):
+            check_unseen([f"simulated:{site}"], card, "data.test", "the network")
+    check_unseen([f"simulated:{site}" for site in (first + 5, first + 1600)], card, "data.test", "the network")
 
 
 def test_networks_are_asked_before_anything_is_scored(tmp_path):

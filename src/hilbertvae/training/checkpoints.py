@@ -13,6 +13,7 @@ from hilbertvae.files import atomic
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.training.settings import Settings
+from hilbertvae.training.site_roles import many_simulated
 
 
 class AtomicCheckpoints(TorchCheckpointIO):
@@ -50,9 +51,8 @@ def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) 
     weights = {key.removeprefix("network."): value for key, value in saved["state_dict"].items() if key.startswith("network.")}
     network = network.to("cpu")
     network.load_state_dict(weights)
-    kind = {2: "buildings", 3: "streets"}[settings.dimension]
     card = {
-        "trained_on": [*settings.data.train, f"{settings.data.simulated} simulated {kind}"],
+        "trained_on": [*settings.data.train, many_simulated(settings.dimension, settings.data.simulated, settings.data.simulated_first)],
         "validated_on": settings.data.validate,
         "calibrated_on": settings.calibration_sites(),
         "epoch": saved["epoch"],

@@ -15,8 +15,8 @@ from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.site import SIMULATED, site_name
 
-MANY = re.compile(r"(\d+) simulated \w+")
-"""How a network's card says that it was trained on simulated sites 0, 1, ..."""
+MANY = re.compile(r"(\d+) simulated \w+(?: from (\d+) on)?")
+"""How `many_simulated` says it."""
 LARGEST_BYTES = 500_000_000
 """No site of the catalogue is as large, and to read what is would take long."""
 
@@ -42,17 +42,25 @@ def check_roles(train: list[str], validate: str, test: list[str], calibrate: Seq
         raise InputError(f"data.test: expected sites of different names, since results are kept under them, got {', '.join(names)}")
 
 
+def many_simulated(dimension: int, count: int, first: int) -> str:
+    """How a network's card says that it was trained on simulated sites `first`, `first` + 1, ..., `count` of them."""
+    kind = {2: "buildings", 3: "streets"}[dimension]
+    return f"{count} simulated {kind}" + (f" from {first} on" if first else "")
+
+
 def check_unseen(sites: list[str], card: dict, key: str, network: str) -> None:
     """An `InputError` if one of `sites`, of config key `key`, is among what a network was trained on, as its card says.
 
     network: which one, for the message. The site that it was validated on may be asked: that is where choices are made."""
     trained: set[str] = set()
-    simulated = 0
+    simulated: list[range] = []
     for site in (site for stage in stages(card) for site in stage.get("trained_on", [])):
-        several = MANY.fullmatch(site)
-        simulated = max(simulated, int(several[1])) if several else simulated
-        trained.add(place(site))
-    known = [site for site in sites if (at := place(site)) in trained or _number(at) < simulated]
+        if several := MANY.fullmatch(site):
+            first = int(several[2] or 0)
+            simulated.append(range(first, first + int(several[1])))
+        else:
+            trained.add(place(site))
+    known = [site for site in sites if (at := place(site)) in trained or any(_number(at) in many for many in simulated)]
     if known:
         raise InputError(f"{key}: {', '.join(known)} is among what {network} was trained on")
 
