@@ -224,6 +224,11 @@ class TestErrors:
         with pytest.raises(InputError, match="mapper.evil._target_"):
             build_mappers({"evil": {"_target_": "os.system", "command": "true"}})
 
+    def test_nor_is_one_below_a_setting(self, tmp_path):
+        inner = {"_target_": "os.system", "command": f"touch {tmp_path / 'made'}"}
+        (mapper,) = build_mappers({"evil": {"_target_": f"{NearestMapper.__module__}.NearestMapper", "neighbours": inner}}).values()
+        assert mapper.neighbours == inner and not (tmp_path / "made").exists()
+
     def test_a_mapper_with_an_unknown_setting_is_named(self):
         with pytest.raises(InputError, match="mapper.nearest.*neighbors"):
             build_mappers({"nearest": {"_target_": f"{NearestMapper.__module__}.NearestMapper", "neighbors": 3}})

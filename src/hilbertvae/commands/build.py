@@ -1,4 +1,4 @@
-"""Objects from configuration: the one place that calls `instantiate`, behind a list of what may be built."""
+"""Objects from configuration: the one place that calls `instantiate`, which builds mappers of this package alone."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.precision import check_device
 
-ALLOWED = ("hilbertvae.", "torch.", "lightning.")
+ALLOWED = "hilbertvae."
 
 
 def build_mappers(specifications: dict[str, dict]) -> dict[str, Mapper]:
@@ -24,9 +24,9 @@ def build_mappers(specifications: dict[str, dict]) -> dict[str, Mapper]:
 def _build_mapper(name: str, specification: dict) -> Mapper:
     target = specification.get("_target_") if isinstance(specification, dict) else None
     if not isinstance(target, str) or not target.startswith(ALLOWED):
-        raise InputError(f"mapper.{name}._target_: expected a class below {', '.join(ALLOWED)}, got {target!r}")
+        raise InputError(f"mapper.{name}._target_: expected a class below {ALLOWED}, got {target!r}")
     try:
-        mapper = instantiate(specification, _convert_="all")
+        mapper = instantiate(specification, _convert_="all", _recursive_=False)  # one of a setting's own is no class either
     except InstantiationException as error:
         raise InputError(f"mapper.{name}: {str(error).splitlines()[-1] if str(error) else error} ({error.__cause__})") from error
     if not isinstance(mapper, Mapper):
