@@ -38,6 +38,13 @@ class GridSettings:
     """Whether a map reads its grids between cells (`kernel`); the paper reads the cell that a query falls in (Eq. 7)."""
     frame: FrameSettings = field(default_factory=FrameSettings)
 
+    @classmethod
+    def from_plain(cls, values: dict) -> GridSettings:
+        """The settings that a file has as JSON, checked."""
+        grid = cls(**{**values, "frame": FrameSettings(**values["frame"])})
+        grid.check()
+        return grid
+
     def check(self) -> None:
         """An `InputError` that names the key for a value that makes no grid."""
         check_positive(self.cluster_diameter_m, "grid.cluster_diameter_m")

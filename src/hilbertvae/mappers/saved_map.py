@@ -15,7 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.files import atomic
 from hilbertvae.grids.cluster_grids import GridSettings
-from hilbertvae.grids.frame import Frames, FrameSettings
+from hilbertvae.grids.frame import Frames
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.map_arrays import EVIDENCE, map_arrays
 from hilbertvae.mappers.octomap_mapper import OCTREES, OctoMapMapper, read_octree
@@ -116,12 +116,12 @@ def _restored(described: dict, arrays: dict[str, np.ndarray], checkpoint: str | 
     if set(settings) != set(SETTINGS):
         raise InputError(f"settings: expected {', '.join(SETTINGS)}, got {', '.join(sorted(settings))[:200]}")
     network = None if described["network"] is None else RecordedNetwork(str(described["network"]), checkpoint)
-    mapper = HilbertMap(network, **settings, grid=None if own_grid is None else _grid(own_grid), device=device)
+    mapper = HilbertMap(network, **settings, grid=None if own_grid is None else GridSettings.from_plain(own_grid), device=device)
     dimension = described["dimension"]
     if dimension not in (2, 3) or not isinstance(dimension, int):
         raise InputError(f"dimension: expected 2 or 3, got {str(dimension)[:40]}")
     mapper.evidence_joins_ = mapper.evidence
-    mapper.grid_, mapper.flips_ = _grid(described["grid"]), described["flips"]
+    mapper.grid_, mapper.flips_ = GridSettings.from_plain(described["grid"]), described["flips"]
     mapper.check_settings()
     evidence = {name.removeprefix(EVIDENCE): array for name, array in arrays.items() if name.startswith(EVIDENCE)}
     mapper.evidence_ = evidence_of(evidence, dimension, check_positive(described["resolution_m"], "resolution_m"))
@@ -170,14 +170,6 @@ def _put_clusters(mapper: HilbertMap, arrays: dict[str, np.ndarray]) -> None:
     mapper.frames_ = Frames(arrays["centre"], turn, arrays["scale"])
     mapper.seeds_, mapper.small_seeds_ = arrays["seeds"], arrays.get("small_seeds")
     mapper.grids_, mapper.known_, mapper.factors_ = arrays["grids"], arrays.get("known"), arrays.get("factors")
-
-
-def _grid(values: dict) -> GridSettings:
-    grid = GridSettings(**{**values, "frame": FrameSettings(**values["frame"])})
-    if isinstance(grid.cells, bool) or not isinstance(grid.cells, int):
-        raise InputError(f"grid.cells: expected a whole number, got {grid.cells!r}")
-    grid.check()
-    return grid
 
 
 def _rank_weights(plain: dict, mapper: HilbertMap) -> RankWeights:

@@ -18,7 +18,6 @@ from torch import nn
 from hilbertvae.checks import InputError
 from hilbertvae.files import atomic
 from hilbertvae.grids.cluster_grids import GridSettings, labels_of
-from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.reconstruction.blocks import is_detailed
 from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, LikelihoodSettings
@@ -161,7 +160,7 @@ class Reconstructor:
         try:
             described = json.loads(metadata["settings"])
             settings = network_settings(described["network"])
-            grid = GridSettings(**{**described["grid"], "frame": FrameSettings(**described["grid"]["frame"])})
+            grid = GridSettings.from_plain(described["grid"])
             likelihood = LikelihoodSettings(**described["likelihood"])
             network = build_network(settings, described["dimension"], grid.cells)
             network.load_state_dict(unpack(tensors))
