@@ -49,4 +49,5 @@ def test_slices_show_observed_points_and_the_gaps_that_they_cut(view):
 
 
 def test_without_a_gap_named_the_fullest_is_cut(view):
-    assert "through gap" in slice_picture(view).axes[1].get_title(loc="left")
+    """Of the gaps of `street_gaps`: the one in the tree."""
+    assert "through gap 2 " in slice_picture(view).axes[1].get_title(loc="left")

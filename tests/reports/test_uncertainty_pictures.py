@@ -42,5 +42,12 @@ def test_the_picture_has_a_row_for_each_gap(fitted):
 def test_where_grids_differ_the_spread_is_drawn(fitted):
     """The panel has `predict_std` at its cells."""
     mapper, gaps, place = fitted
-    drawn = uncertainty_picture(mapper, place, gaps, [0]).axes[2].images[0].get_array()
-    assert drawn.min() >= 0 and drawn.max() <= 0.5 + 1e-6 and drawn.std() > 0
+    image = uncertainty_picture(mapper, place, gaps, [0]).axes[2].images[0]
+    drawn, (left, _, bottom, _), voxel_m = image.get_array(), image.get_extent(), place.resolution_m
+    rows, columns = drawn.shape
+    x, y = (np.round(low / voxel_m) + np.arange(count) + 0.5 for low, count in ((left, columns), (bottom, rows)))
+    height = np.full(rows * columns, np.floor(gaps.centres[0, -1] / voxel_m) + 0.5)
+    middles = voxel_m * np.stack([*(axis.ravel() for axis in np.meshgrid(x, y)), height], axis=1)
+    asked = mapper.predict_std(middles[:, : place.dimension]).reshape(rows, columns)
+    np.testing.assert_allclose(drawn, asked, atol=1e-6)
+    assert asked.std() > 0
