@@ -80,8 +80,8 @@ class TestEveryConfiguration:
     def test_a_start_may_be_chosen_by_its_key_and_beside_an_experiment(self):
         assert settings_of().grid.start == "quick_means"
         assert settings_of("grid.start=random").grid.start == "random"
-        faithful = settings_of("experiment=faithful", "network=paper_32", "start=ask_means").grid
-        assert (faithful.start, faithful.cluster_diameter_m) == ("ask_means", 5.0)
+        faithful = settings_of("experiment=faithful", "network=paper_32", "start=ask_means")
+        assert (faithful.grid.start, faithful.grid.cluster_diameter_m, faithful.flips) == ("ask_means", 5.0, 1)
 
     def test_there_is_a_file_for_every_start(self):
         assert names("start") == sorted(STARTS)
