@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: run run-3d test clean
+.PHONY: install run run-3d test clean
 .DEFAULT_GOAL := run
 
 # Containers often tell Python to keep no compiled files; then each process would compile torch and all the rest anew, for most of its start.
@@ -16,6 +16,8 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt torch
 	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt --editable '.[sim,points,bags,poses,dev]'
 	touch $@
+
+install: $(READY)  ## The package and all its extras, in .venv
 
 run: $(READY)  ## Train on simulated buildings, score on another one, leave pictures and result.json in outputs/run
 	$(BIN)/hilbertvae-train

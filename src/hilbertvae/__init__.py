@@ -1,4 +1,6 @@
-"""Occupancy maps from laser scans, with gaps filled in by a network that learned how places go on."""
+"""Occupancy maps from laser scans, with gaps filled in by a network that learned how places go on.
+
+`METHOD n` in docstrings is section n of docs/method.md; equations and figures are the paper's (Guizilini and Ramos, RSS 2017)."""
 
 __version__ = "0.1.0"
 __all__ = ["InputError", "cloud_from_scans", "evaluate", "load_map", "load_mapper", "open_site", "save_map"]

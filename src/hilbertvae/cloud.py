@@ -18,7 +18,7 @@ from hilbertvae.voxel_votes import VoxelVotes, voxel_votes
 RESOLUTION_M = {2: 0.1, 3: 0.2}
 """The map's cell, by dimension."""
 FREE_POINT_M = 2.0
-"""The `points` cloud has a free point in so much of a beam (the author's rule)."""
+"""The `points` cloud has a free point in so much of a beam: the rule of the author's own code (METHOD 1)."""
 OCCUPIED_SHARE = 0.15
 """A voxel is occupied from this share of returns on: many beams graze a wall's voxel, and a majority would erase it."""
 

@@ -36,7 +36,7 @@ SHOWN = (
 mappers it shows beside ours and the paper's."""
 NAMES = {
     "cvae-hm": "**hilbertvae**", "cvae-hm-adapted": "**hilbertvae**, `adapt_steps=50`", "hm": "Hilbert Map (fixed grid)",
-    "hm-points": "the same, for the cut", "gpom": "GPOM", "lard-hm": "LARD-HM",
+    "hm-points": "Hilbert Map, balanced for the cut (`hm-points`)", "gpom": "GPOM", "lard-hm": "LARD-HM",
     "octomap": "OctoMap", "nearest-15": "15 nearest neighbours",
 }  # fmt: skip
 
@@ -160,6 +160,14 @@ def test_the_scores_are_those_of_the_result_files():
 
 
 def test_links_lead_somewhere():
-    for page in (ROOT / "README.md", ROOT / "docs/mapping.md", ROOT / "docs/extending.md", ROOT / "docs/results/README.md"):
+    for page in (ROOT / "README.md", *ROOT.glob("docs/*.md"), ROOT / "docs/results/README.md"):
         for link in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
             assert "://" in link or (page.parent / link).exists(), f"{page.name}: {link}"
+
+
+def test_every_section_of_the_method_that_code_cites_is_there():
+    """Its page is what `METHOD n` in comments stands for."""
+    there = set(re.findall(r"^## (\d)\. ", (ROOT / "docs/method.md").read_text(encoding="utf-8"), re.MULTILINE))
+    code = "\n".join(path.read_text(encoding="utf-8") for path in ROOT.glob("src/**/*.py"))
+    cited = set("".join(re.findall(r"METHOD (\d(?: and \d)*)", code))) & set("0123456789")
+    assert {"0", "7"} <= cited <= there
