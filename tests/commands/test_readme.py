@@ -171,3 +171,8 @@ def test_every_section_of_the_method_that_code_cites_is_there():
     code = "\n".join(path.read_text(encoding="utf-8") for path in ROOT.glob("src/**/*.py"))
     cited = set("".join(re.findall(r"METHOD (\d(?: and \d)*)", code))) & set("0123456789")
     assert {"0", "7"} <= cited <= there
+
+
+def test_decisions_lists_its_entries():
+    text = (ROOT / "docs/decisions.md").read_text(encoding="utf-8")
+    assert re.findall(r"^- \[(.*)\]\(#", text, re.MULTILINE) == re.findall(r"^### (.*)$", text, re.MULTILINE)
