@@ -18,6 +18,7 @@ from hilbertvae.commands.table import main as table
 from hilbertvae.commands.train import CONF, run, to_settings
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.ros_map import write_ros_map
+from hilbertvae.reports.mapper_names import for_points, is_network
 from hilbertvae.reports.paper_table import PAPER
 from hilbertvae.reports.result_json import read_result
 from toy_rooms import carmen_line, square_room, write_log
@@ -140,12 +141,12 @@ def score_lines() -> list[str]:
             result.scores.update(mine.scores)
 
         def cell(mapper, reading, region, metric, result=result):
-            at_the_cut = mapper.replace("cvae-hm", "cvae-hm-points") if reading == "points" else mapper  # each reading has its own
+            at_the_cut = for_points(mapper) if reading == "points" and is_network(mapper) else mapper  # each reading has its own
             return f"{100 * np.mean(result.scores[at_the_cut][reading][region][metric]):.1f}"
 
         for mapper in ("cvae-hm", *others):
             lines.append(f"| {site}: {NAMES[mapper]} | " + " | ".join(cell(mapper, *column) for column in COLUMNS) + " |")
-        simpler = [name for name in result.scores if not name.startswith(("cvae-hm", "cae-hm"))]
+        simpler = [name for name in result.scores if not is_network(name)]
         best = [max((float(cell(name, *column)), name) for name in simpler if has(result, name, *column)) for column in COLUMNS]
         lines.append(f"| {site}: best of all {len(simpler)} others | " + " | ".join(f"{value} (`{name}`)" for value, name in best) + " |")
         paper = next(row for row in PAPER[result.dimension] if row.name == "CVAE-HM")

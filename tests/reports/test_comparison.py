@@ -39,6 +39,12 @@ def test_pairwise_is_empty_without_a_network_or_without_rivals():
     assert pairwise_table(result_of({"cvae-hm": only})) == ""
 
 
+def test_a_network_s_map_with_settings_of_its_own_is_no_rival():
+    maps = {reading: gaps([0.8, 0.7], [0.9, 0.9], [0.8, 0.8]) for reading in ("points", "voxels")}
+    table = pairwise_table(result_of(dict.fromkeys(("cvae-hm", "cvae-hm-k3", "cae-hm-paper", "lard-hm"), maps)))
+    assert "lard-hm" in table and "k3" not in table and len(table.splitlines()) == 3
+
+
 def test_occlusion_shows_auc_and_nll_beside_the_base_rates():
     region = {"auc": [0.6, 0.8], "nll": [0.3, 0.5], "base_rate_nll": [0.25, 0.35], "count": [9.0, 7.0]}
     empty = {key: [0.0, 0.0] for key in region}

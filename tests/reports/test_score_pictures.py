@@ -35,6 +35,11 @@ def test_every_mapper_has_a_style_of_its_own():
     assert len({(style["color"], str(style["linestyle"])) for style in styles.values()}) == len(names)
 
 
+def test_networks_with_and_without_sampling_have_the_same_colour():
+    styles = line_styles(["cvae-hm", "hm", "cae-hm", "cae-hm-k3"])
+    assert styles["cvae-hm"]["color"] == styles["cae-hm"]["color"] == styles["cae-hm-k3"]["color"] != styles["hm"]["color"]
+
+
 def test_reliability_by_brute_force():
     rng = np.random.default_rng(0)
     probability = np.append(rng.random(5000), [0.0, 1.0])

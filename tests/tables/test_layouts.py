@@ -176,7 +176,7 @@ def test_cases_stand_in_the_order_of_their_numbers():
 def test_recipes(tmp_path):
     trainer = {"epochs": 1, "steps_per_epoch": 3, "batch_size": 4}
     for seed, value in ((0, 0.4), (1, 0.6)):
-        mappers = {"cvae-hm": [value, value + 0.2], "nearest": ZEROS}
+        mappers = {"cvae-hm": [value, value + 0.2], "nearest": ZEROS, "lard-hm": ZEROS}
         put(tmp_path, f"gated-seed{seed}", mappers, config={"trainer": trainer, "data": {}})
     page = read_page(tmp_path, "recipes")
     (row,) = table(page)

@@ -9,6 +9,7 @@ from hilbertvae.files import file_sha256
 from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED
+from hilbertvae.reports.mapper_names import CHAMPIONS
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.score_table import as_percent, markdown, mean_and_spread
 from hilbertvae.scans.sites import find_site
@@ -36,8 +37,6 @@ COLUMNS = {
     "base_rate_nll": "its NLL",
 }  # fmt: skip
 SHARES = ("precision", "recall", "best_f1", "auc", "base_rate")
-MAPPERS = {"cvae-hm-points": "points", "cvae-hm": "voxels"}
-"""Each calibration is scored on the reading that it is for."""
 
 
 def card_text(name: str, weights: Path, results: list[Path]) -> str:
@@ -93,7 +92,8 @@ def calibrated_on(card: dict) -> list[str]:
 def _scores(results: list[Result]) -> str:
     rows = []
     for result in results:
-        for mapper, reading in MAPPERS.items():
+        for reading, names in CHAMPIONS.items():
+            mapper = next((name for name in names if name in result.scores), "")
             for region, metrics in result.scores.get(mapper, {}).get(reading, {}).items():
                 if region in ("observed", "gaps", "gaps-above-ground") or region.startswith("occluded"):
                     rows.append([result.site, region, reading, *(_cell(metrics, metric) for metric in COLUMNS)])

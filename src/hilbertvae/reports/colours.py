@@ -7,6 +7,8 @@ from itertools import count
 from matplotlib import colormaps
 from matplotlib.colors import LinearSegmentedColormap
 
+from hilbertvae.reports.mapper_names import is_network
+
 PROBABILITY = LinearSegmentedColormap.from_list(
     "free-unknown-occupied",
     ["#f4faff", "#d7f3ff", "#c1e8ff", "#b5dbf9", "#b5cadb", "#b6b6b6", "#c39686", "#c86c54", "#a94b36", "#752e21", "#341715"],
@@ -37,11 +39,11 @@ DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (5, 1.5, 1.2, 1.5)))
 
 
 def line_styles(names) -> dict[str, dict]:
-    """Keywords of `Axes.plot` by mapper: reconstructing ones (`cvae-hm...`) thick and in one colour, the others thin, each in its own."""
+    """Keywords of `Axes.plot` by mapper: those with a network thick and in one colour, the others thin, each in its own."""
     ours, others = count(), count()
     styles = {}
     for name in names:
-        if name.startswith("cvae-hm"):
+        if is_network(name):
             styles[name] = {"color": OURS, "linestyle": DASHES[next(ours) % len(DASHES)], "linewidth": 2.2, "zorder": 4}
         else:
             turn = next(others)

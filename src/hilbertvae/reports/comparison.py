@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hilbertvae.reports.mapper_names import CHAMPIONS, is_rival
 from hilbertvae.reports.score_table import markdown, percent
 from hilbertvae.scoring.cases import OCCLUSION_STEP
 from hilbertvae.scoring.result import Result
@@ -10,12 +11,6 @@ HEADLINES = (("points", "f1", "F1 at the cut"), ("points", "auc", "AUC"), ("voxe
 """Reading, metric and name of what methods are compared by where nothing was shown."""
 COMPARED = ("gaps", "gaps-above-ground", "occluded-sparse", "occluded-half")
 """Regions with a table of their own, where they were scored."""
-CHAMPIONS = {"points": ("cvae-hm-points", "cae-hm-points", "cvae-hm-paper", "cae-hm-paper"), "voxels": ("cvae-hm", "cae-hm")}
-"""By reading, the row that stands for the run's network: the first of these that was scored; each is calibrated for its reading."""
-NOT_RIVALS = (
-    *(f"{kind}-hm{row}" for kind in ("cvae", "cae") for row in ("", "-points", "-paper", "-adapted", "-points-adapted")),
-    "gap-centre",
-)
 
 
 def pairwise_table(result: Result, region: str = "gaps") -> str:
@@ -32,9 +27,7 @@ def pairwise_table(result: Result, region: str = "gaps") -> str:
             header.append(f"`{champion}`, {reading}, {title}")
             columns.append((champion, reading, metric))
     rows = []
-    for rival in result.scores:
-        if rival in NOT_RIVALS:
-            continue
+    for rival in filter(is_rival, result.scores):
         row = [rival]
         for champion, reading, metric in columns:
             ours, theirs = (result.scores[name][reading][region][metric] for name in (champion, rival))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import chain
 
 import numpy as np
 from torch.utils.tensorboard import SummaryWriter
 from torch.utils.tensorboard.summary import hparams
 
+from hilbertvae.reports.mapper_names import champions
 from hilbertvae.scoring.result import Result
 
 HEADLINES = {
@@ -27,9 +27,7 @@ def headlines(result: Result) -> dict[str, float]:
     """The headline scores of the run's own map, means over gap seeds; of a run without a network, of its first mapper."""
     found = {}
     for tag, (reading, region, metric) in HEADLINES.items():
-        own = [name for name in result.scores if name.endswith("cvae-hm") or name.endswith("cae-hm")]
-        calibrated = [name for name in result.scores if name.endswith("-hm-points")] if reading == "points" else []
-        for name in chain(calibrated, own, result.scores):
+        for name in (*champions(result.scores, reading), *result.scores):
             values = result.scores[name].get(reading, {}).get(region, {}).get(metric)
             if values:
                 found[tag] = float(np.mean(values))

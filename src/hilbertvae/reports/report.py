@@ -23,6 +23,7 @@ from hilbertvae.reports.cluster_pictures import completion_rows, gapped_clusters
 from hilbertvae.reports.comparison import COMPARED, occlusion_table, pairwise_table
 from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.lit_colours import surface_colours
+from hilbertvae.reports.mapper_names import for_points
 from hilbertvae.reports.mesh_tab import add_surface
 from hilbertvae.reports.paper_table import paper_table
 from hilbertvae.reports.provenance import git_state, provenance
@@ -125,7 +126,7 @@ class Report:
         if fitted:
             if site.dimension == 3:
                 mapper = fitted[ours or rival]
-                by_points = f"{ours}-points"
+                by_points = for_points(ours or "")
                 view = SiteView.draw(site, gaps, mapper, fit(by_points, mapper) if by_points in scored else None)
                 surface = field_surface(view.field, shown.points[shown.occupied])
                 figures |= {"map": site_view_picture(view), "gaps": close_up_picture(view), "slices": slice_picture(view)}

@@ -5,7 +5,8 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from hilbertvae.reports.colours import OTHERS, OURS
-from hilbertvae.reports.comparison import HEADLINES, NOT_RIVALS
+from hilbertvae.reports.comparison import HEADLINES
+from hilbertvae.reports.mapper_names import is_rival
 from hilbertvae.tables.canvas import empty_picture, measured_rows, panels, percents
 from hilbertvae.tables.cases import case_rows, case_tables, champions
 from hilbertvae.tables.measure import LEGEND, Group, per_seed
@@ -56,7 +57,7 @@ def _columns(reading: str) -> list[Column]:
 def _row(group: Group) -> Row:
     row: Row = {}
     points, voxels = champions(group)
-    rivals = {name: None for run in group.values() for name in run.result.scores if name not in NOT_RIVALS}
+    rivals = {name: None for run in group.values() for name in run.result.scores if is_rival(name)}
     for reading, metric, _ in HEADLINES:
         key = _name(reading, metric)
         ours = per_seed(group, points if reading == "points" else voxels, reading, "gaps", metric)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from hilbertvae.reports.mapper_names import is_network
 from hilbertvae.reports.score_table import NOTHING, as_percent
 from hilbertvae.tables.alike import is_unclean
 from hilbertvae.tables.page import Column, Row, hidden, measured, megabytes, number, text
@@ -12,8 +13,6 @@ from hilbertvae.tables.sweep import UNCLEAN, Run, grouped
 
 Group = Mapping[int, Run]
 """Runs of one row by training seed."""
-NETWORKS = ("cvae-", "cae-")
-"""How the names of mappers begin that are made of a trained network."""
 BASELINES = "baselines"
 """The case of a sweep that scores all mappers without a network."""
 
@@ -48,11 +47,6 @@ def per_seed(group: Group, mapper: str | None, reading: str, region: str, metric
     """A score by training seed, one number per gap seed."""
     found = {seed: run.scores(mapper, reading, region, metric) for seed, run in group.items()} if mapper else {}
     return {seed: values for seed, values in found.items() if values}
-
-
-def is_network(mapper: str) -> bool:
-    """Whether a mapper of this name has a network."""
-    return mapper.startswith(NETWORKS)
 
 
 def mapper_groups(runs: Sequence[Run]) -> dict[tuple[str, str], dict[int, Run]]:

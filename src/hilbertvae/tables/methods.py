@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hilbertvae.reports.mapper_names import is_network, reading_of
 from hilbertvae.reports.paper_table import NOTE as PAPER_NOTE
 from hilbertvae.reports.paper_table import OCTOMAP_NOTE, PAPER, PaperRow
 from hilbertvae.tables.cases import heading
@@ -15,7 +16,6 @@ from hilbertvae.tables.measure import (
     absent_row,
     costs_of,
     counts_of,
-    is_network,
     mapper_groups,
     network_of,
     note_of,
@@ -163,8 +163,7 @@ def _reasons(mapper: str, run: Run, dimension: int) -> list[str]:
     if not is_network(mapper):
         return [OTHERWISE[mapper]] if mapper in OTHERWISE else []
     if not mapper.endswith("-paper"):
-        calibrated = "points" if mapper.endswith("-points") else "voxels"
-        return [f"{network_of(run)}; calibrated for {calibrated}"]
+        return [f"{network_of(run)}; calibrated for {reading_of(mapper)}"]
     network = {key: run.config(f"network.{key}") for key in PAPER_NETWORK}
     same = network == PAPER_NETWORK and run.config("grid.cells") == PAPER_CELLS and run.config("network.latent") == PAPER_LATENT[dimension]
     return [f"the paper's {'network' if same else 'recipe on another network than its baseline'}: {network_of(run)}"]

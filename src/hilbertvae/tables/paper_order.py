@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from itertools import combinations
 
+from hilbertvae.reports.mapper_names import is_network
 from hilbertvae.reports.paper_table import PAPER, PaperRow
 from hilbertvae.reports.score_table import NOTHING
-from hilbertvae.tables.measure import Group, is_network, mapper_groups, per_seed
+from hilbertvae.tables.measure import Group, mapper_groups, per_seed
 from hilbertvae.tables.page import Row, Table, hidden, measured, printed_percent, signed_points, text, value
 from hilbertvae.tables.spread import differences, over_seeds, share_of
 from hilbertvae.tables.sweep import Run

@@ -5,6 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from hilbertvae.reports.colours import OURS
+from hilbertvae.reports.mapper_names import is_network
 from hilbertvae.tables.canvas import empty_picture, measured_rows, panels, percents
 from hilbertvae.tables.cases import CASE, heading
 from hilbertvae.tables.measure import COUNTS, LEGEND, NOTE, N, absent_row, counts_of, mapper_groups, network_of, note_of, score_of
@@ -32,7 +33,7 @@ def recipes_page(sweep: Sweep) -> Page:
     for site, runs in sweep.by_site():
         rows = []
         for (mapper, case), group in sorted(mapper_groups(runs).items(), key=lambda item: item[0][::-1]):
-            if "hm" in mapper.split("-"):
+            if is_network(mapper):
                 run = next(iter(group.values()))
                 row = {"site": site, "case": case, "mapper": mapper, "note": note_of(group, network_of(run), *sweep.gone(case))}
                 cells = {key: score_of(group, mapper, *what) for key, (*what, _) in METRICS.items()}

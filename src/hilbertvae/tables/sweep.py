@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from hilbertvae.checks import InputError
-from hilbertvae.reports.comparison import CHAMPIONS
+from hilbertvae.reports.mapper_names import champions
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.scoring.result import Result
 from hilbertvae.tables.recipe import check_same_recipe
@@ -75,8 +75,7 @@ class Run:
 
     def champion(self, reading: str) -> str | None:
         """The row of the run's network that is calibrated for a reading, else any of its network's."""
-        names = dict.fromkeys((*CHAMPIONS[reading], *(name for names in CHAMPIONS.values() for name in names)))
-        return next((name for name in names if name in self.result.scores), None)
+        return next(iter(champions(self.result.scores, reading)), None)
 
     @property
     def scored(self) -> bool:

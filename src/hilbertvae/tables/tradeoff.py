@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from hilbertvae.reports.canvas import HALO
 from hilbertvae.reports.colours import OTHERS
+from hilbertvae.reports.mapper_names import configured_as
 from hilbertvae.tables.ablation import DEFAULT
 from hilbertvae.tables.canvas import empty_picture, measured_rows, panels, percents
 from hilbertvae.tables.cases import case_rows, case_tables, champions
@@ -62,8 +63,7 @@ def _values(run: Run) -> dict[str, Any]:
 
 def _set(run: Run, key: str) -> Any:
     mapper = run.champion("voxels") or ""
-    # A network without sampling is scored under another name than it is configured under.
-    names = (mapper, "cvae-" + mapper.removeprefix("cae-"))
+    names = (mapper, configured_as(mapper))
     return next((value for name in names if (value := run.config(key.format(name))) is not None), None)
 
 

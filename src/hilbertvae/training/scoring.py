@@ -16,6 +16,7 @@ from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.card import calibrated_on
+from hilbertvae.reports.mapper_names import without_sampling
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.protocol import alike, evaluate_all
 from hilbertvae.scoring.result import Result
@@ -132,7 +133,7 @@ def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor:
                     raise InputError(f"mapper.{name}: expected a trained network or `checkpoint`, got neither")
                 mapper.set_params(reconstructor=reconstructor)
                 if not getattr(reconstructor.network_settings, "variational", False):
-                    name = name.replace("cvae-", "cae-")
+                    name = without_sampling(name)
             elif isinstance(mapper.reconstructor, str):
                 mapper.set_params(reconstructor=Reconstructor.load(mapper.reconstructor))
             elif mapper.reconstructor is None and mapper.grid is None:
