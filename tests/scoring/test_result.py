@@ -17,6 +17,14 @@ def test_results_of_one_site_join():
     assert first.failed == {"gpom": "MemoryError: too large"} and set(first.curves) == {"hm"}
 
 
+def test_what_was_not_scored_has_no_values():
+    found = result(scores={"hm": {"points": {"gaps": {"f1": [0.1, 0.2]}}}})
+    assert found.values("hm", "points", "gaps", "f1") == [0.1, 0.2] and found.regions("hm", "points") == {"gaps": {"f1": [0.1, 0.2]}}
+    for where in (("gpom", "points", "gaps", "f1"), ("hm", "voxels", "gaps", "f1"), ("hm", "points", "fitted", "f1")):
+        assert found.values(*where) == []
+    assert found.values("hm", "points", "gaps", "auc") == [] and found.regions("gpom", "points") == {}
+
+
 @pytest.mark.parametrize("change", [{"site": "attic"}, {"gap_seeds": [0, 2]}, {"protocol": {"centred": True}}])
 def test_results_that_can_not_be_compared_do_not_join(change):
     with pytest.raises(ValueError, match=f"results differ in {next(iter(change))}"):

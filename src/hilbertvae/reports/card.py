@@ -94,7 +94,7 @@ def _scores(results: list[Result]) -> str:
     for result in results:
         for reading, names in CHAMPIONS.items():
             mapper = next((name for name in names if name in result.scores), "")
-            for region, metrics in result.scores.get(mapper, {}).get(reading, {}).items():
+            for region, metrics in result.regions(mapper, reading).items():
                 if region in ("observed", "gaps", "gaps-above-ground") or region.startswith("occluded"):
                     rows.append([result.site, region, reading, *(_cell(metrics, metric) for metric in COLUMNS)])
     return markdown(["site", "region", "reading", *COLUMNS.values()], rows, words=(1, 2))

@@ -22,7 +22,7 @@ def pairwise_table(result: Result, region: str = "gaps") -> str:
     header = [f"in {region}, against"]
     columns = []
     for reading, metric, title in HEADLINES:
-        champion = next((name for name in CHAMPIONS[reading] if region in result.scores.get(name, {}).get(reading, {})), None)
+        champion = next((name for name in CHAMPIONS[reading] if region in result.regions(name, reading)), None)
         if champion is not None:
             header.append(f"`{champion}`, {reading}, {title}")
             columns.append((champion, reading, metric))

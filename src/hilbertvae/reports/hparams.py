@@ -28,7 +28,7 @@ def headlines(result: Result) -> dict[str, float]:
     found = {}
     for tag, (reading, region, metric) in HEADLINES.items():
         for name in (*champions(result.scores, reading), *result.scores):
-            values = result.scores[name].get(reading, {}).get(region, {}).get(metric)
+            values = result.values(name, reading, region, metric)
             if values:
                 found[tag] = float(np.mean(values))
                 break

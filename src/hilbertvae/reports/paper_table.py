@@ -60,7 +60,7 @@ def paper_table(result: Result) -> str:
     for row in PAPER[result.dimension]:
         ours = [name for name in row.ours if name in result.scores] or [NOTHING]
         for name in ours:
-            regions = result.scores.get(name, {}).get("points", {})
+            regions = result.regions(name, "points")
             both = [_pair(regions.get(region, {})) for region in ("fitted", "observed", "gaps")]
             difference = _difference(regions.get("gaps", {}), row.gaps)
             moved = _at_the_paper_s(result.curves.get(name, {}).get("points"), row.gaps)

@@ -43,9 +43,9 @@ def precision_recall_picture(result: Result) -> Figure:
             (handles[name],) = axes.plot(recall, seeds.mean(axis=0), markevery=[], markersize=5, **style)
             if len(seeds) > 1:
                 axes.fill_between(recall, seeds.min(axis=0), seeds.max(axis=0), color=style["color"], alpha=0.12, linewidth=0)
-            gaps = result.scores.get(name, {}).get(reading, {}).get("gaps", {})
-            if np.mean(gaps.get("recall", [0.0])) > 0:
-                at_cut = np.mean(gaps["recall"]), np.mean(gaps["precision"])
+            recalls, precisions = (result.values(name, reading, "gaps", metric) for metric in ("recall", "precision"))
+            if recalls and np.mean(recalls) > 0:
+                at_cut = np.mean(recalls), np.mean(precisions)
                 axes.plot(*at_cut, style["marker"], color=style["color"], markersize=6, markeredgecolor="white", zorder=5, clip_on=False)
         axes.set_title(f"{result.site}, gaps of {result.gap_diameter_m:g} m, {reading}", fontsize=10, loc="left")
         axes.set(xlim=(0, 1), ylim=(0, 1.005), xlabel="recall", ylabel="precision", aspect="equal")

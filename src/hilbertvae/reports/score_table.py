@@ -31,8 +31,8 @@ def mean_and_spread(values: list[float]) -> tuple[float, float | None]:
     return mean, math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1)) if len(values) > 1 else None
 
 
-def percent(values: list[float] | None) -> str:
-    """Mean +- standard deviation over gap seeds, in percent: `85.1±2.3`, or `85.1` of one seed."""
+def percent(values: list[float]) -> str:
+    """Mean +- standard deviation over gap seeds, in percent: `85.1±2.3`, `85.1` of one seed, or `-` of none."""
     return as_percent(*mean_and_spread(values)) if values else NOTHING
 
 
@@ -46,8 +46,8 @@ def rows_of(result: Result, reading: str, regions: tuple[str, ...] = REGIONS, me
     columns = [(region, metric) for region in regions for metric in metrics]
     best = {column: _best(result, reading, *column) for column in columns if column[1] in BOLD}
     rows = []
-    for name, readings in result.scores.items():
-        cells = [(column, readings.get(reading, {}).get(column[0], {}).get(column[1])) for column in columns]
+    for name in result.scores:
+        cells = [(column, result.values(name, reading, *column)) for column in columns]
         rows.append([name, *(_bold(percent(values), bool(values) and np.mean(values) == best.get(column)) for column, values in cells)])
     for name in result.failed:
         if name not in result.scores:
@@ -60,7 +60,7 @@ def rows_of(result: Result, reading: str, regions: tuple[str, ...] = REGIONS, me
 
 
 def _best(result: Result, reading: str, region: str, metric: str) -> float | None:
-    found = [readings.get(reading, {}).get(region, {}).get(metric) for readings in result.scores.values()]
+    found = [result.values(name, reading, region, metric) for name in result.scores]
     return max((np.mean(values) for values in found if values), default=None)
 
 

@@ -30,6 +30,14 @@ class Result:
     failed: dict[str, str] = field(default_factory=dict)
     protocol: dict = field(default_factory=dict)
 
+    def regions(self, mapper: str, reading: str) -> dict[str, dict[str, list[float]]]:
+        """Metrics by region; none where it was not scored."""
+        return self.scores.get(mapper, {}).get(reading, {})
+
+    def values(self, mapper: str, reading: str, region: str, metric: str) -> list[float]:
+        """One number per gap seed; none where it was not scored."""
+        return self.regions(mapper, reading).get(region, {}).get(metric, [])
+
     def add(self, other: Result) -> Result:
         """This result with the mappers of another evaluation of the same site under the same protocol."""
         for name in ("site", "gap_seeds", "protocol"):

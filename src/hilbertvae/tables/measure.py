@@ -40,12 +40,12 @@ COST_LEGEND = (
 
 def score_of(group: Group, mapper: str | None, reading: str, region: str, metric: str) -> Spread | None:
     """A score over a group; None where it was not scored."""
-    return over_seeds([run.scores(mapper, reading, region, metric) for run in group.values()]) if mapper else None
+    return over_seeds([run.result.values(mapper, reading, region, metric) for run in group.values()]) if mapper else None
 
 
 def per_seed(group: Group, mapper: str | None, reading: str, region: str, metric: str) -> Paired:
     """A score by training seed, one number per gap seed."""
-    found = {seed: run.scores(mapper, reading, region, metric) for seed, run in group.items()} if mapper else {}
+    found = {seed: run.result.values(mapper, reading, region, metric) for seed, run in group.items()} if mapper else {}
     return {seed: values for seed, values in found.items() if values}
 
 

@@ -74,7 +74,9 @@ def methods_page(sweep: Sweep) -> Page:
     dimension = next((run.result.dimension for run in sweep.scored), DIMENSIONS.get(sweep.kind, 2))
     cells = [(run, mapper) for run in sweep.scored for mapper in run.result.scores]
     further = [
-        measured(title, key) for key, (*what, title) in WHERE_SCORED.items() if any(run.scores(mapper, *what) for run, mapper in cells)
+        measured(title, key)
+        for key, (*what, title) in WHERE_SCORED.items()
+        if any(run.result.values(mapper, *what) for run, mapper in cells)
     ]
     tables, shown = [], []
     for site, runs in sweep.by_site():

@@ -52,10 +52,6 @@ class Run:
             raise InputError(f"{self.path}: config.{key}: missing, and the rows of this table are named after it")
         return found
 
-    def scores(self, mapper: str, reading: str, region: str, metric: str) -> list[float]:
-        """One number per gap seed; none where it was not scored."""
-        return self.result.scores.get(mapper, {}).get(reading, {}).get(region, {}).get(metric, [])
-
     def seconds(self, mapper: str, stage: str) -> list[float]:
         """`fit` in seconds, `query_per_million` in seconds per million queries."""
         return self.result.seconds.get(mapper, {}).get(stage, [])
