@@ -8,7 +8,8 @@ import hilbertvae
 from hilbertvae.gaps import INSIDE, random_gaps
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
-from hilbertvae.reports.card import calibrated_on, card_text
+from hilbertvae.reconstruction.training_card import calibrated_on
+from hilbertvae.reports.card import card_text
 from hilbertvae.scoring.metrics import score
 
 RESULTS = Path(__file__).parents[1] / "docs/results/shipped"

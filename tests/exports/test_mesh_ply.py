@@ -4,9 +4,9 @@ import trimesh
 from export_toys import UTM, random_cells
 
 from hilbertvae.checks import InputError
+from hilbertvae.drawing.field import BLOCK
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.mesh_ply import cells_surface, write_mesh_ply
-from hilbertvae.reports.field import BLOCK
 
 
 def house(offset=(0, 0, 0)):

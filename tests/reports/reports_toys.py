@@ -1,4 +1,4 @@
-"""Tiny sites, results and networks that the tests of reports share."""
+"""Tiny results and networks that the tests of reports share."""
 
 import numpy as np
 import torch
@@ -8,33 +8,8 @@ from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.likelihood import LikelihoodSettings
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.scans.scan import Scans
 from hilbertvae.scoring.metrics import METRICS
 from hilbertvae.scoring.result import Result
-from hilbertvae.site import Site
-
-WIDTH_M, HEIGHT_M = 10.0, 6.0
-
-
-def room(dimension=2, sweeps=6, beams=720, name="room"):
-    """A room of 10 x 6 m with its lower left corner at the origin, seen from around its middle; in 3D with beams up and down."""
-    rng = np.random.default_rng(0)
-    points, origins = [], []
-    for _ in range(sweeps):
-        origin = np.array([WIDTH_M / 2, HEIGHT_M / 2]) + rng.uniform(-1, 1, 2)
-        angle = np.linspace(0, 2 * np.pi, beams, endpoint=False)
-        direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        with np.errstate(divide="ignore"):
-            wall = np.where(direction > 0, np.array([WIDTH_M, HEIGHT_M]) - origin, -origin) / direction
-        reach = np.where(np.isfinite(wall), wall, np.inf).min(axis=1)
-        points.append(origin + reach[:, None] * direction)
-        origins.append(np.broadcast_to(origin, (beams, 2)))
-    points, origins = np.concatenate(points), np.concatenate(origins)
-    scan, beam = np.repeat(np.arange(sweeps, dtype=np.int32), beams), np.tile(np.arange(beams, dtype=np.int32), sweeps)
-    if dimension == 3:
-        height = np.random.default_rng(1).uniform(-1, 1, len(points))
-        points, origins = np.column_stack([points, 1.0 + height]), np.column_stack([origins, np.ones(len(origins))])
-    return Site(name, Scans(points, origins, scan, beam))
 
 
 def reconstructor(dimension=2, cells=16):

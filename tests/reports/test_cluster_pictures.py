@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from reports_toys import reconstructor, room
+from reports_toys import reconstructor
 
 from hilbertvae.gaps import Gaps
 from hilbertvae.reconstruction.reconstructor import Completion
@@ -13,6 +13,7 @@ from hilbertvae.reports.cluster_pictures import (
     reconstruction_rows,
     sheet,
 )
+from toy_places import room
 
 
 def test_sheet_has_x_to_the_right_and_y_up():

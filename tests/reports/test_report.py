@@ -5,13 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reports_toys import reconstructor, room
+from reports_toys import reconstructor
 
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reports.report import Report, scores_text
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.scoring.protocol import Protocol, evaluate_all
+from toy_places import room
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from reports_toys import result
 
-from hilbertvae.reports.colours import line_styles
-from hilbertvae.reports.score_pictures import precision_recall_picture, reliability, reliability_picture
+from hilbertvae.reports.score_pictures import line_styles, precision_recall_picture, reliability, reliability_picture
 
 
 def test_curves_are_the_result_s_means():

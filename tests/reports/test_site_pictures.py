@@ -1,14 +1,13 @@
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgba
 from matplotlib.patches import Circle
-from reports_toys import result, room
+from reports_toys import result
 
+from hilbertvae.drawing.canvas import save_picture
 from hilbertvae.gaps import Gaps
 from hilbertvae.mappers.nearest import NearestMapper
-from hilbertvae.reports.canvas import new_figure, outline_cells, outline_gaps, pixels, round_length, save_picture
-from hilbertvae.reports.colours import GAP_COLOUR, PROBABILITY
 from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
+from toy_places import room
 
 
 def circles(axes):
@@ -84,43 +83,6 @@ def test_3d_site_is_drawn_as_a_slice():
     axes = site_map_picture(maps).axes[0]
     (circle,) = circles(axes)  # the second ball does not reach the slice
     assert circle.radius == pytest.approx(np.sqrt(0.8**2 - 0.5**2))
-
-
-def test_outlines_lie_where_the_cells_are():
-    chosen = np.zeros((12, 20), bool)
-    chosen[3:8, 5:15] = True
-    chosen[10, 2:9] = True  # a sliver of one cell's width
-    axes = new_figure(2, 2).subplots()
-    outline_cells(axes, chosen)
-    segments = np.concatenate(axes.collections[0].get_segments())
-    assert (segments.min(axis=0), segments.max(axis=0)) == (pytest.approx([4.5, 2.5]), pytest.approx([14.5, 7.5]))
-    assert len(axes.collections[0].get_segments()) == 2 * (5 + 10)
-
-
-def test_pixels_show_a_gap_s_outline_where_it_is():
-    figure = new_figure(2, 2)
-    axes = figure.add_axes((0, 0, 1, 1))
-    axes.set(xlim=(0, 10), ylim=(0, 10))
-    axes.axis("off")
-    figure.set_layout_engine("none")
-    outline_gaps(axes, Gaps(np.array([[8.0, 7.0]]), np.array([1.0]), 0.1), linewidth=3)
-    image = pixels(figure)
-    assert image.dtype == np.uint8 and image.shape == (300, 300, 3)
-    green = np.abs(image.astype(int) - np.array(to_rgba(GAP_COLOUR)[:3]) * 255).sum(axis=2) < 30
-    row, column = np.nonzero(green)
-    assert (column.min() + column.max()) / 2 == pytest.approx(240, abs=2)
-    assert (row.min() + row.max()) / 2 == pytest.approx(90, abs=2)  # rows of pixels run from the top
-
-
-def test_colours_darken_from_free_to_occupied_and_unknown_has_no_hue():
-    colours = PROBABILITY(np.linspace(0, 1, 101))[:, :3]
-    luminance = colours**2.2 @ [0.2126, 0.7152, 0.0722]
-    assert (np.diff(luminance) < 0).all()
-    assert np.ptp(PROBABILITY(0.5)[:3]) < 0.01
-
-
-def test_round_length():
-    assert [round_length(metres) for metres in (0.7, 1, 1.9, 2.0, 7.3, 49.9, 200)] == [0.5, 1, 1, 2, 5, 20, 200]
 
 
 def test_gaps_of_a_result_and_a_saved_picture(maps, tmp_path):

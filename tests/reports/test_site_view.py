@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-from reports_scenes import CAR, in_street, street, street_gaps
 
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reports.site_view import SiteView, fullest_gap, telling_gaps
+from toy_places import CAR, in_street, street, street_gaps
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 from matplotlib.patches import Circle
-from reports_scenes import CAR, street, street_gaps
 
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reports.site_view import SiteView
 from hilbertvae.reports.slice_pictures import slice_picture
+from toy_places import CAR, street, street_gaps
 
 
 @pytest.fixture(scope="module")

@@ -3,13 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.patches import Circle
-from reports_scenes import street, street_gaps
 
+from hilbertvae.drawing import oblique
+from hilbertvae.drawing.canvas import pixels
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reports import surface_pictures
-from hilbertvae.reports.canvas import pixels
 from hilbertvae.reports.site_view import SiteView
 from hilbertvae.reports.surface_pictures import close_up_picture, site_view_picture
+from toy_places import street, street_gaps
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +24,7 @@ def view():
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     """Large enough to be drawn, small enough to be quick."""
-    monkeypatch.setattr(surface_pictures, "PANEL_PX", 400)
+    monkeypatch.setattr(oblique, "WHOLE_PX", 400)
     monkeypatch.setattr(surface_pictures, "CLOSE_UP_PX", (240, 200))
 
 

@@ -5,7 +5,7 @@ from reports_toys import result
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.utils.tensorboard import SummaryWriter
 
-from hilbertvae.reports.canvas import pixels
+from hilbertvae.drawing.canvas import pixels
 from hilbertvae.reports.score_pictures import precision_recall_picture
 from hilbertvae.reports.tensorboard import write_tensorboard
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from hilbertvae.drawing.canvas import pixels
 from hilbertvae.gaps import random_gaps
 from hilbertvae.grids.kernel import NONE, kernel
 from hilbertvae.mappers.hilbert_map import HilbertMap
-from hilbertvae.reports.canvas import pixels
 from hilbertvae.reports.uncertainty_pictures import completions, uncertainty_picture
 from toy_rooms import tiny_reconstructor
 

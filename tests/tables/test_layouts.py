@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hilbertvae.checks import InputError
-from hilbertvae.reports.canvas import pixels
+from hilbertvae.drawing.canvas import pixels
 from hilbertvae.tables.cases import natural
 from hilbertvae.tables.layouts import LAYOUTS, read_page
 from toy_sweeps import declare, lines_with, put, put_failed, rows_of_csv, scores_of

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hilbertvae.checks import InputError
-from hilbertvae.reports.canvas import pixels
+from hilbertvae.drawing.canvas import pixels
 from hilbertvae.tables.clustering import read_starts
 from hilbertvae.tables.layouts import read_page
 from toy_sweeps import change, declare, lines_with, rows_of_csv

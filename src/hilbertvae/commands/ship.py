@@ -16,7 +16,8 @@ from hilbertvae.mappers.weights import check_occupied_weight, occupied_weight_of
 from hilbertvae.reconstruction.mean_weights import mean_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
-from hilbertvae.reports.card import calibrated_on, card_text
+from hilbertvae.reconstruction.training_card import calibrated_on
+from hilbertvae.reports.card import card_text
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.site import open_site
 from hilbertvae.training.settings import Settings

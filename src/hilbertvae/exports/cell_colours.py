@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from hilbertvae.checks import InputError
+from hilbertvae.drawing.colours import PROBABILITY
+from hilbertvae.drawing.lit_colours import LIT, height_colours
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.ground import find_ground
-from hilbertvae.reports.colours import PROBABILITY
-from hilbertvae.reports.lit_colours import LIT, height_colours
 
 GROUND_QUANTILE = 0.02
 """Where a map is too wide for tiles of ground, height counts from this quantile of the cells' own heights."""

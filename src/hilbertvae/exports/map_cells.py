@@ -9,8 +9,8 @@ from fractions import Fraction
 import numpy as np
 
 from hilbertvae.checks import InputError, check_points, check_positive
+from hilbertvae.drawing.field import REACH_M
 from hilbertvae.mappers.mapper import FREE_BELOW, OCCUPIED_ABOVE, Mapper
-from hilbertvae.reports.field import REACH_M
 from hilbertvae.voxel_blocks import NearVoxels, lattice_index
 
 UNKNOWN_WITHIN = 0.02

@@ -9,12 +9,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hilbertvae.checks import InputError
+from hilbertvae.drawing.canvas import new_figure, probability_bar, save_picture, scale_bar, show_probability
+from hilbertvae.drawing.lit_colours import GAP_TINT, HEIGHT, HEIGHTS_M
+from hilbertvae.drawing.oblique import render_voxels, whole_view
 from hilbertvae.exports.cell_colours import heights_above_ground
 from hilbertvae.exports.map_cells import MapCells
-from hilbertvae.reports.canvas import new_figure, probability_bar, save_picture, scale_bar, show_probability
-from hilbertvae.reports.lit_colours import GAP_TINT, HEIGHT, HEIGHTS_M
-from hilbertvae.reports.oblique import render_voxels
-from hilbertvae.reports.surface_pictures import whole_view
 
 MOST_PX = 2400
 """Cells along a side of a drawn 2D map; the likeliest to be occupied of those that become one, so that thin walls stay."""

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
+from hilbertvae.drawing.field import BLOCK, Field
+from hilbertvae.drawing.lit_colours import surface_colours
+from hilbertvae.drawing.surface import Surface, field_surface, write_ply
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
-from hilbertvae.reports.field import BLOCK, Field
-from hilbertvae.reports.lit_colours import surface_colours
-from hilbertvae.reports.surface import Surface, field_surface, write_ply
 from hilbertvae.voxel_blocks import by_block
 
 UNKNOWN = 0.5

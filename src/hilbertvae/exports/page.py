@@ -18,13 +18,12 @@ from matplotlib.colors import Colormap, to_hex, to_rgb
 from PIL import Image
 
 from hilbertvae.checks import InputError
+from hilbertvae.drawing.colours import GAP_COLOUR, PROBABILITY, UNCERTAINTY, WIDEST_STD
+from hilbertvae.drawing.lit_colours import HEIGHT, HEIGHTS_M, LIT
 from hilbertvae.exports.cell_colours import heights_above_ground
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.files import atomic
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
-from hilbertvae.reports.colours import GAP_COLOUR, PROBABILITY, UNCERTAINTY
-from hilbertvae.reports.lit_colours import HEIGHT, HEIGHTS_M, LIT
-from hilbertvae.reports.uncertainty_pictures import WIDEST_STD
 
 TEMPLATE = Path(__file__).with_suffix(".html")
 MOST_CELLS = 1_500_000

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from hilbertvae.drawing.ply import write_ply_table
 from hilbertvae.exports.cell_colours import cell_colours
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
-from hilbertvae.reports.ply import write_ply_table
 
 
 def write_points_ply(cells: MapCells, path: str | os.PathLike, colour: str = "probability", above: float = OCCUPIED_ABOVE) -> Path:

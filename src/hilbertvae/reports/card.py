@@ -9,6 +9,7 @@ from hilbertvae.files import file_sha256
 from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED
+from hilbertvae.reconstruction.training_card import calibrated_on, stages
 from hilbertvae.reports.mapper_names import CHAMPIONS
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.score_table import as_percent, markdown, mean_and_spread
@@ -76,17 +77,6 @@ def _trained(card: dict) -> list[str]:
             f"step {stage['steps']}, seed {stage['seed']}{command}{commit}.{mean}"
         )
     return ["\n".join(said)]
-
-
-def stages(card: dict) -> list[dict]:
-    """What the network was trained on, first things first."""
-    before = card.get("started_from")
-    return [*(stages(before) if before else []), card]
-
-
-def calibrated_on(card: dict) -> list[str]:
-    """The sites that its map's weights were learned on: that of the best weights where the card is older than the choice."""
-    return card.get("calibrated_on") or [card[key] for key in ("validated_on",) if key in card]
 
 
 def _scores(results: list[Result]) -> str:

@@ -11,15 +11,24 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from hilbertvae.cloud import Cloud
+from hilbertvae.drawing.canvas import (
+    bare_axes,
+    label_bar,
+    new_figure,
+    outline_cells,
+    probability_bar,
+    scale_bar,
+    show_codes,
+    show_probability,
+)
+from hilbertvae.drawing.colours import ERROR, FREE_POINT_COLOUR, PROBABILITY, SELECTED_COLOUR
+from hilbertvae.drawing.raster import Raster
 from hilbertvae.grids.aligned_grid import OCCUPIED, UNKNOWN
 from hilbertvae.grids.cluster_grids import bin_grids, bin_shown, find_frames, labels_of
 from hilbertvae.grids.frame import Frames
 from hilbertvae.mappers.hilbert_map import SHOWN_FROM
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
 from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
-from hilbertvae.reports.canvas import new_figure, outline_cells, probability_bar, scale_bar, show_codes, show_probability
-from hilbertvae.reports.colours import ERROR, FREE_POINT_COLOUR, PROBABILITY, SELECTED_COLOUR
-from hilbertvae.reports.raster import Raster
 
 PIPELINE_CELLS = 700
 LEAST_HIDDEN = 20
@@ -115,9 +124,8 @@ def _scatter_cluster(axes: Axes, cloud: Cloud, frames: Frames, cluster: int, dia
             axes.scatter(points[:, 0], points[:, 1], s=size, color=colour, alpha=alpha, linewidths=0)
     _outline_frame(axes, frames, cluster, diameter_m)
     reach = max(frames.scale[cluster] * math.sqrt(2) / 2 if frames.turned else frames.scale[cluster] / 2, diameter_m / 2) * 1.03
-    axes.set(xlim=(centre[0] - reach, centre[0] + reach), ylim=(centre[1] - reach, centre[1] + reach), aspect="equal", xticks=[], yticks=[])
-    for spine in axes.spines.values():
-        spine.set(color="#808080", linewidth=0.6)
+    axes.set(xlim=(centre[0] - reach, centre[0] + reach), ylim=(centre[1] - reach, centre[1] + reach), aspect="equal")
+    bare_axes(axes)
     scale_bar(axes)
 
 
@@ -154,9 +162,7 @@ def reconstruction_rows(shown: np.ndarray, target: np.ndarray, values: np.ndarra
     probability_bar(figure, image, panels[:, :3].ravel().tolist(), location="left", shrink=min(1.0, 3 / len(shown)))
     bar = figure.colorbar(error, ax=panels[:, 3].tolist(), shrink=min(1.0, 3 / len(shown)), aspect=30, pad=0.02)
     bar.set_ticks([-1, 0, 1], labels=["missed", "right", "invented"])
-    bar.ax.tick_params(labelsize=8, length=2)
-    bar.set_label("p(occupied) - truth", fontsize=9)
-    bar.outline.set(edgecolor="#808080", linewidth=0.6)
+    label_bar(bar, "p(occupied) - truth")
     return figure
 
 

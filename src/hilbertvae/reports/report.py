@@ -12,19 +12,20 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from torch.utils.tensorboard import SummaryWriter
 
+from hilbertvae.drawing.canvas import save_picture
+from hilbertvae.drawing.lit_colours import surface_colours
+from hilbertvae.drawing.mesh_tab import add_surface
+from hilbertvae.drawing.surface import Surface, field_surface, write_ply
 from hilbertvae.files import atomic
 from hilbertvae.gaps import INSIDE, Gaps
 from hilbertvae.grids.cluster_grids import bin_grids, bin_shown, find_frames, labels_of
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reports.canvas import save_picture
 from hilbertvae.reports.cluster_pictures import completion_rows, gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
 from hilbertvae.reports.comparison import COMPARED, occlusion_table, pairwise_table
 from hilbertvae.reports.hparams import write_hparams
-from hilbertvae.reports.lit_colours import surface_colours
 from hilbertvae.reports.mapper_names import for_points
-from hilbertvae.reports.mesh_tab import add_surface
 from hilbertvae.reports.paper_table import paper_table
 from hilbertvae.reports.provenance import git_state, provenance
 from hilbertvae.reports.result_json import write_result
@@ -34,7 +35,6 @@ from hilbertvae.reports.score_table import markdown_scores, print_scores
 from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
 from hilbertvae.reports.site_view import SiteView, telling_gaps
 from hilbertvae.reports.slice_pictures import slice_picture
-from hilbertvae.reports.surface import Surface, field_surface, write_ply
 from hilbertvae.reports.surface_pictures import close_up_picture, site_view_picture
 from hilbertvae.reports.tensorboard import write_tensorboard
 from hilbertvae.reports.uncertainty_pictures import uncertainty_picture

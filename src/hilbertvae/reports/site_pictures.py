@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hilbertvae.cloud import Cloud
+from hilbertvae.drawing.canvas import new_figure, outline_gaps, probability_bar, scale_bar, show_codes, show_probability
+from hilbertvae.drawing.raster import Raster
 from hilbertvae.gaps import INSIDE, Gaps
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.reports.canvas import new_figure, outline_gaps, probability_bar, scale_bar, show_codes, show_probability
-from hilbertvae.reports.raster import Raster
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 

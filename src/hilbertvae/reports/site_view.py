@@ -8,10 +8,10 @@ import numpy as np
 from scipy import ndimage
 
 from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
+from hilbertvae.drawing.field import REACH_M, Field
 from hilbertvae.gaps import INSIDE, Gaps
 from hilbertvae.ground import ABOVE_GROUND_M, Ground
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE, Mapper
-from hilbertvae.reports.field import REACH_M, Field
 from hilbertvae.site import Site
 from hilbertvae.voxel_votes import voxel_index
 

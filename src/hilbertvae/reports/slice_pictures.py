@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from hilbertvae.reports.canvas import HALO, new_figure, probability_bar, scale_bar, show_probability
-from hilbertvae.reports.colours import GAP_COLOUR
-from hilbertvae.reports.raster import Raster
+from hilbertvae.drawing.canvas import HALO, new_figure, probability_bar, scale_bar, show_probability
+from hilbertvae.drawing.colours import GAP_COLOUR
+from hilbertvae.drawing.raster import Raster
 from hilbertvae.reports.site_view import SiteView, fullest_gap
 from hilbertvae.voxel_votes import voxel_index
 

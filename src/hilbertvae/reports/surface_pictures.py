@@ -11,18 +11,16 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from hilbertvae.drawing.canvas import bare_axes, label_bar, new_figure, probability_bar, scale_bar
+from hilbertvae.drawing.colours import GAP_COLOUR
+from hilbertvae.drawing.lit_colours import GAP_TINT, HEIGHT, HEIGHTS_M, LIT
+from hilbertvae.drawing.oblique import ELEVATION_DEG, Camera, render_voxels, visible, whole_view
 from hilbertvae.gaps import INSIDE, Gaps
 from hilbertvae.ground import ABOVE_GROUND_M
-from hilbertvae.reports.canvas import new_figure, probability_bar, scale_bar
-from hilbertvae.reports.colours import GAP_COLOUR
-from hilbertvae.reports.lit_colours import GAP_TINT, HEIGHT, HEIGHTS_M, LIT
-from hilbertvae.reports.oblique import Camera, render_voxels, visible
 from hilbertvae.reports.site_view import SiteView, Voxels, one_gap, telling_gaps
 
-ELEVATION_DEG = 38.0
-"""How far down every picture looks."""
-PANEL_PX, CLOSE_UP_PX = 1300, (640, 520)
-"""The width of a whole site's picture; the width and height of a close-up."""
+CLOSE_UP_PX = 640, 520
+"""The width and height of a close-up."""
 WINDOW = 2.4
 """Half the side of a close-up's window, in radii of the gap."""
 TURNS_DEG = (0.0, -25.0, 25.0, -50.0, 50.0)
@@ -51,27 +49,11 @@ def site_view_picture(view: SiteView) -> Figure:
     return figure
 
 
-def whole_view(points: np.ndarray) -> Camera:
-    """A view across the longer side of a site, as high as the site needs, without the few points far off."""
-    if len(points) >= 1000:
-        low, high = np.quantile(points, [0.001, 0.999], axis=0)
-        points = points[((points >= low) & (points <= high)).all(axis=1)]
-    flat = points[:, :2] - points[:, :2].mean(axis=0)
-    along = np.linalg.eigh(flat.T @ flat)[1][:, 1]
-    azimuth = math.degrees(math.atan2(along[1], along[0])) + 90
-    seen = Camera(points.mean(axis=0), azimuth, ELEVATION_DEG, 1.0, (1, 1)).project(points)
-    across, up = np.ptp(seen[:, :2], axis=0)
-    height = int(np.clip(PANEL_PX * up / max(across, 1e-6), PANEL_PX / 4, PANEL_PX)) + 20
-    return Camera.around(points, azimuth, ELEVATION_DEG, (PANEL_PX, height))
-
-
 def _show(axes: Axes, image: np.ndarray, camera: Camera) -> None:
     """A rendered picture with metres along its axes, as they are across the line of sight."""
     width, height = (camera.pixel_m * p for p in camera.pixels)
     axes.imshow(image, extent=(0, width, 0, height), interpolation="antialiased")
-    axes.set(xticks=[], yticks=[])
-    for spine in axes.spines.values():
-        spine.set(color="#808080", linewidth=0.6)
+    bare_axes(axes)
     scale_bar(axes)
 
 
@@ -86,9 +68,7 @@ def _height_bar(figure: Figure, axes, shrink: float = 0.8, aspect: float = 30) -
     scale = ScalarMappable(Normalize(*HEIGHTS_M), HEIGHT)
     bar = figure.colorbar(scale, ax=axes, shrink=shrink, aspect=aspect, pad=0.01, extend="max", extendfrac=0.03)
     bar.set_ticks([0, 1, 2, 3, 4])
-    bar.ax.tick_params(labelsize=8, length=2)
-    bar.set_label("height above ground (m)", fontsize=9)
-    bar.outline.set(edgecolor="#808080", linewidth=0.6)
+    label_bar(bar, "height above ground (m)")
 
 
 def close_up_picture(view: SiteView, gaps: dict[int, str] | None = None) -> Figure:

@@ -6,19 +6,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.special import expit
 
+from hilbertvae.drawing.canvas import new_figure, outline_gaps, probability_bar, scale_bar, show_codes, show_probability
+from hilbertvae.drawing.colours import UNCERTAINTY, WIDEST_STD
+from hilbertvae.drawing.raster import Raster
 from hilbertvae.gaps import Gaps
 from hilbertvae.grids.kernel import NONE, cell_index, kernel
 from hilbertvae.mappers.hilbert_map import HilbertMap
-from hilbertvae.reports.canvas import new_figure, outline_gaps, probability_bar, scale_bar, show_codes, show_probability
-from hilbertvae.reports.colours import UNCERTAINTY
-from hilbertvae.reports.raster import Raster
 from hilbertvae.reports.site_pictures import ZOOM
 from hilbertvae.site import Site
 
 COMPLETIONS = 3
 """Single grids beside their mean."""
-WIDEST_STD = 0.5
-"""Of answers between 0 and 1."""
 
 
 def uncertainty_picture(mapper: HilbertMap, site: Site, gaps: Gaps, chosen: list[int]) -> Figure:

@@ -6,7 +6,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from hilbertvae.reports.colours import OTHERS, OURS
+from hilbertvae.drawing.colours import OTHERS, OURS
 from hilbertvae.reports.score_table import NOTHING
 from hilbertvae.tables.canvas import GREY, empty_picture, measured_rows, panels, percents
 from hilbertvae.tables.cases import case_rows, case_tables, champions

@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hilbertvae.reports.canvas import new_figure
+from hilbertvae.drawing.canvas import new_figure
 from hilbertvae.tables.page import Row
 from hilbertvae.tables.spread import Spread
 

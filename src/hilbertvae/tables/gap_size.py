@@ -6,7 +6,7 @@ from itertools import cycle
 
 from matplotlib.figure import Figure
 
-from hilbertvae.reports.colours import OTHERS
+from hilbertvae.drawing.colours import OTHERS
 from hilbertvae.tables.canvas import GREY, empty_picture, measured_rows, panels, percents
 from hilbertvae.tables.cases import case_rows, case_tables, champions
 from hilbertvae.tables.measure import LEGEND, Group, per_seed, score_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from hilbertvae.reports.colours import OTHERS, OURS
+from hilbertvae.drawing.colours import OTHERS, OURS
 from hilbertvae.reports.comparison import HEADLINES
 from hilbertvae.reports.mapper_names import is_rival
 from hilbertvae.tables.canvas import empty_picture, measured_rows, panels, percents

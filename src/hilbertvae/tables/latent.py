@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from hilbertvae.reports.colours import OTHERS, OURS
+from hilbertvae.drawing.colours import OTHERS, OURS
 from hilbertvae.tables.canvas import empty_picture, measured_rows, panels, percents
 from hilbertvae.tables.cases import case_rows, case_tables, champions
 from hilbertvae.tables.measure import COST_LEGEND, COSTS, LEGEND, Group, costs_of, score_of

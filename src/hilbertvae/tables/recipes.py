@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from hilbertvae.reports.colours import OURS
+from hilbertvae.drawing.colours import OURS
 from hilbertvae.reports.mapper_names import is_network
 from hilbertvae.tables.canvas import empty_picture, measured_rows, panels, percents
 from hilbertvae.tables.cases import CASE, heading

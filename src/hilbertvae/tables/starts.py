@@ -8,7 +8,7 @@ from itertools import cycle
 import numpy as np
 from matplotlib.figure import Figure
 
-from hilbertvae.reports.colours import OTHERS, OURS
+from hilbertvae.drawing.colours import OTHERS, OURS
 from hilbertvae.tables.canvas import empty_picture, measured_rows, panels
 from hilbertvae.tables.clustering import Start, Study
 from hilbertvae.tables.page import Column, Page, Row, Table, hidden, measured, number, text, value

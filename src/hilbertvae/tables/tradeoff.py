@@ -8,8 +8,8 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hilbertvae.reports.canvas import HALO
-from hilbertvae.reports.colours import OTHERS
+from hilbertvae.drawing.canvas import HALO
+from hilbertvae.drawing.colours import OTHERS
 from hilbertvae.reports.mapper_names import configured_as
 from hilbertvae.tables.ablation import DEFAULT
 from hilbertvae.tables.canvas import empty_picture, measured_rows, panels, percents

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from hilbertvae.drawing.canvas import save_picture
 from hilbertvae.files import atomic
-from hilbertvae.reports.canvas import save_picture
 from hilbertvae.tables.layouts import read_page
 
 

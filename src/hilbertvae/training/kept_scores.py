@@ -24,7 +24,7 @@ from hilbertvae.scoring.result import Result
 from hilbertvae.site import site_name
 from hilbertvae.training.settings import Settings
 
-LATER = ("reports", "tables", "exports", "commands")
+LATER = ("drawing", "reports", "tables", "exports", "commands")
 """Parts of the package that no score depends on: whoever mends a picture between two runs loses nothing."""
 
 

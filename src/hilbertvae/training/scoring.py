@@ -15,7 +15,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reports.card import calibrated_on
+from hilbertvae.reconstruction.training_card import calibrated_on
 from hilbertvae.reports.mapper_names import without_sampling
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.protocol import alike, evaluate_all

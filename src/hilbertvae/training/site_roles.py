@@ -10,7 +10,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import path_sha256
-from hilbertvae.reports.card import stages
+from hilbertvae.reconstruction.training_card import stages
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.site import SIMULATED, site_name

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from itertools import count
-
 from matplotlib import colormaps
 from matplotlib.colors import LinearSegmentedColormap
-
-from hilbertvae.reports.mapper_names import is_network
 
 PROBABILITY = LinearSegmentedColormap.from_list(
     "free-unknown-occupied",
@@ -25,6 +21,8 @@ ERROR = LinearSegmentedColormap.from_list("missed-invented", ["#2d0a6b", "#7b5bb
 
 UNCERTAINTY = colormaps["magma_r"]
 """Spread of answers: pale where grids agree, dark where they don't."""
+WIDEST_STD = 0.5
+"""The dark end of `UNCERTAINTY`: no spread of answers between 0 and 1 is wider."""
 
 GAP_COLOUR = "#009e73"
 """Outlines of gaps: a green that neither map uses and that stays apart from both for the colour-blind (Okabe and Ito)."""
@@ -35,18 +33,3 @@ SELECTED_COLOUR = "#0050b0"
 
 OURS = "#a01818"
 OTHERS = ("#0072b2", "#009e73", "#d98a00", "#7b5bb5", "#56a4d9", "#7a7a7a", "#a6761d", "#c05a94")
-DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (5, 1.5, 1.2, 1.5)))
-
-
-def line_styles(names) -> dict[str, dict]:
-    """Keywords of `Axes.plot` by mapper: those with a network thick and in one colour, the others thin, each in its own."""
-    ours, others = count(), count()
-    styles = {}
-    for name in names:
-        if is_network(name):
-            styles[name] = {"color": OURS, "linestyle": DASHES[next(ours) % len(DASHES)], "linewidth": 2.2, "zorder": 4}
-        else:
-            turn = next(others)
-            dash = DASHES[turn // len(OTHERS) % len(DASHES)]
-            styles[name] = {"color": OTHERS[turn % len(OTHERS)], "linestyle": dash, "linewidth": 1.3, "zorder": 3}
-    return styles

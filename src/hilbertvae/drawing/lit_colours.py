@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 
+from hilbertvae.drawing.surface import Surface
 from hilbertvae.ground import Ground
-from hilbertvae.reports.surface import Surface
 
 HEIGHT = LinearSegmentedColormap.from_list(
     "height", ["#d3cfc7", "#d3cfc7", "#9dbbdc", "#5b8ecb", "#6a68bd", "#a85aa8", "#e0708a", "#f6a35c", "#fbd25f"]

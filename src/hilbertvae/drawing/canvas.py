@@ -10,19 +10,21 @@ from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
+from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 from PIL import Image
 from scipy import ndimage
 
+from hilbertvae.drawing.colours import GAP_COLOUR, PROBABILITY
 from hilbertvae.files import atomic
 from hilbertvae.gaps import Gaps
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
-from hilbertvae.reports.colours import GAP_COLOUR, PROBABILITY
 
 DPI = 150
 Extent = tuple[float, float, float, float]
+FRAME = {"edgecolor": "#808080", "linewidth": 0.6}
 HALO = [patheffects.withStroke(linewidth=2.5, foreground="white")]
 
 
@@ -48,7 +50,7 @@ def pixels(figure: Figure) -> np.ndarray:
 
 def show_probability(axes: Axes, probability: np.ndarray, extent: Extent | None = None) -> AxesImage:
     """p(occupied) (rows, columns), the first row at the bottom; extent in metres, or in cells unless given."""
-    _bare(axes)
+    bare_axes(axes)
     # Blended as colours, not as numbers: halfway between free and occupied must not look like unknown.
     return axes.imshow(probability, PROBABILITY, vmin=0, vmax=1, origin="lower", extent=extent, interpolation_stage="rgba")
 
@@ -58,11 +60,11 @@ def show_codes(axes: Axes, codes: np.ndarray, extent: Extent | None = None) -> A
     return show_probability(axes, (codes + 1) / 2, extent)
 
 
-def _bare(axes: Axes) -> None:
-    axes.set_xticks([])
-    axes.set_yticks([])
+def bare_axes(axes: Axes) -> None:
+    """A thin frame without ticks."""
+    axes.set(xticks=[], yticks=[])
     for spine in axes.spines.values():
-        spine.set(color="#808080", linewidth=0.6)
+        spine.set(**FRAME)
 
 
 def scale_bar(axes: Axes) -> None:
@@ -121,6 +123,11 @@ def probability_bar(figure, image: AxesImage, axes, **where) -> None:
     """The colour bar of p(occupied), with ticks at the cuts beyond which a point is called free or occupied."""
     bar = figure.colorbar(image, ax=axes, **{"shrink": 0.6, "aspect": 30, "pad": 0.01, **where})
     bar.set_ticks([0, 0.2, 0.4, 0.5, OCCUPIED_ABOVE, 0.8, 1], labels=["0  free", "0.2", "0.4", "unknown", "0.6", "0.8", "1  occupied"])
+    label_bar(bar, "p(occupied)")
+
+
+def label_bar(bar: Colorbar, label: str) -> None:
+    """A colour bar's label, ticks and frame, as in every picture."""
     bar.ax.tick_params(labelsize=8, length=2)
-    bar.set_label("p(occupied)", fontsize=9)
-    bar.outline.set(edgecolor="#808080", linewidth=0.6)
+    bar.set_label(label, fontsize=9)
+    bar.outline.set(**FRAME)

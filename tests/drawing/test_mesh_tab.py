@@ -6,9 +6,9 @@ from tensorboard.plugins.mesh import plugin_data_pb2
 from torch.utils.tensorboard import SummaryWriter
 
 from hilbertvae.checks import InputError
-from hilbertvae.reports.lit_colours import surface_colours
-from hilbertvae.reports.mesh_tab import add_surface, simplified
-from hilbertvae.reports.surface import Surface
+from hilbertvae.drawing.lit_colours import surface_colours
+from hilbertvae.drawing.mesh_tab import add_surface, simplified
+from hilbertvae.drawing.surface import Surface
 
 
 def globe(subdivisions=4, offset=0.0):

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from matplotlib import colormaps
 from matplotlib.colors import ListedColormap
 
-from hilbertvae.reports.oblique import Camera, render_voxels, visible
+from hilbertvae.drawing.oblique import Camera, render_voxels, visible
 
 
 def first_by_brute_force(centres, camera, resolution_m):

@@ -11,9 +11,9 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
+from hilbertvae.drawing.field import BLOCK, Field
+from hilbertvae.drawing.ply import write_ply_table
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
-from hilbertvae.reports.field import BLOCK, Field
-from hilbertvae.reports.ply import write_ply_table
 from hilbertvae.voxel_blocks import padded
 
 OFF_THE_CUT = 1e-3

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from reports_toys import HEIGHT_M, WIDTH_M, room
 
 from hilbertvae.cloud import Cloud
+from hilbertvae.drawing.raster import Raster
 from hilbertvae.mappers.nearest import NearestMapper
-from hilbertvae.reports.raster import Raster
+from toy_places import HEIGHT_M, WIDTH_M, room
 
 
 def cloud(points, occupied, weight=None):

@@ -4,8 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hilbertvae.checks import InputError
-from hilbertvae.reports import field
-from hilbertvae.reports.field import BLOCK, Field
+from hilbertvae.drawing import field
+from hilbertvae.drawing.field import BLOCK, Field
 
 
 def lattice(found):

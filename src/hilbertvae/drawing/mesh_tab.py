@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hilbertvae.checks import InputError
+from hilbertvae.drawing.lit_colours import surface_colours
+from hilbertvae.drawing.surface import Surface
 from hilbertvae.ground import Ground
-from hilbertvae.reports.lit_colours import surface_colours
-from hilbertvae.reports.surface import Surface
 
 MOST_VERTICES = 200_000
 CELL_GROWTH = 1.25

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -9,7 +10,7 @@ import numpy as np
 from matplotlib.colors import Colormap, to_rgb
 
 from hilbertvae.checks import check_points, check_positive
-from hilbertvae.reports.colours import GAP_COLOUR
+from hilbertvae.drawing.colours import GAP_COLOUR
 from hilbertvae.voxel_votes import voxel_index
 
 SUPERSAMPLE = 2
@@ -23,6 +24,10 @@ CREASE_PX = (2, 5, 12)
 """At these distances, in rays, neighbours are looked at: fine edges, and a wider shade around what stands on something."""
 GRID_PX = 10
 """Voxels at least so large show their edges."""
+ELEVATION_DEG = 38.0
+"""How far down pictures look."""
+WHOLE_PX = 1300
+"""The width of a whole site's picture."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +66,20 @@ class Camera:
         right, up, depth = self.axes @ (points - self.centre).T
         width, height = self.pixels
         return np.stack([width / 2 + right / self.pixel_m, height / 2 - up / self.pixel_m, depth], axis=1)
+
+
+def whole_view(points: np.ndarray) -> Camera:
+    """A view across the longer side of a site, as high as the site needs, without the few points far off."""
+    if len(points) >= 1000:
+        low, high = np.quantile(points, [0.001, 0.999], axis=0)
+        points = points[((points >= low) & (points <= high)).all(axis=1)]
+    flat = points[:, :2] - points[:, :2].mean(axis=0)
+    along = np.linalg.eigh(flat.T @ flat)[1][:, 1]
+    azimuth = math.degrees(math.atan2(along[1], along[0])) + 90
+    seen = Camera(points.mean(axis=0), azimuth, ELEVATION_DEG, 1.0, (1, 1)).project(points)
+    across, up = np.ptp(seen[:, :2], axis=0)
+    height = int(np.clip(WHOLE_PX * up / max(across, 1e-6), WHOLE_PX / 4, WHOLE_PX)) + 20
+    return Camera.around(points, azimuth, ELEVATION_DEG, (WHOLE_PX, height))
 
 
 def render_voxels(

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 import trimesh
-from reports_scenes import in_street, street
 from skimage.measure import marching_cubes
 
 from hilbertvae.cloud import Cloud
-from hilbertvae.reports.field import BLOCK, Field
-from hilbertvae.reports.surface import Surface, field_surface, write_ply
+from hilbertvae.drawing.field import BLOCK, Field
+from hilbertvae.drawing.surface import Surface, field_surface, write_ply
+from toy_places import in_street, street
 
 
 def cloud(points, occupied=None):

@@ -1,0 +1,14 @@
+"""What a network's card, kept with its weights, says of how it was trained."""
+
+from __future__ import annotations
+
+
+def stages(card: dict) -> list[dict]:
+    """What the network was trained on, first things first."""
+    before = card.get("started_from")
+    return [*(stages(before) if before else []), card]
+
+
+def calibrated_on(card: dict) -> list[str]:
+    """The sites that its map's weights were learned on: that of the best weights where the card is older than the choice."""
+    return card.get("calibrated_on") or [card[key] for key in ("validated_on",) if key in card]

@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgba
+from PIL import Image
+
+from hilbertvae.drawing.canvas import DPI, new_figure, outline_cells, outline_gaps, pixels, round_length, save_picture
+from hilbertvae.drawing.colours import GAP_COLOUR, PROBABILITY
+from hilbertvae.gaps import Gaps
+
+
+def drawn():
+    figure = new_figure(2, 1)
+    figure.subplots().plot([0, 1], [0, 1])
+    return figure
+
+
+def test_a_picture_is_its_figure_s_pixels(tmp_path):
+    image = save_picture(drawn(), tmp_path / "made" / "line.png")
+    with Image.open(tmp_path / "made" / "line.png") as written:
+        assert written.format == "PNG" and written.info["dpi"] == pytest.approx((DPI, DPI), abs=0.1)
+        np.testing.assert_array_equal(np.asarray(written), image)
+    np.testing.assert_array_equal(image, pixels(drawn()))
+    assert image.shape == (DPI, 2 * DPI, 3) and np.ptp(image) > 128
+
+
+def test_matplotlib_writes_the_same(tmp_path):
+    figure = drawn()
+    figure.savefig(tmp_path / "line.png")
+    with Image.open(tmp_path / "line.png") as written:
+        np.testing.assert_array_equal(np.asarray(written)[:, :, :3], save_picture(drawn(), tmp_path / "same.png"))
+
+
+def test_outlines_lie_where_the_cells_are():
+    chosen = np.zeros((12, 20), bool)
+    chosen[3:8, 5:15] = True
+    chosen[10, 2:9] = True  # a sliver of one cell's width
+    axes = new_figure(2, 2).subplots()
+    outline_cells(axes, chosen)
+    segments = np.concatenate(axes.collections[0].get_segments())
+    assert (segments.min(axis=0), segments.max(axis=0)) == (pytest.approx([4.5, 2.5]), pytest.approx([14.5, 7.5]))
+    assert len(axes.collections[0].get_segments()) == 2 * (5 + 10)
+
+
+def test_pixels_show_a_gap_s_outline_where_it_is():
+    figure = new_figure(2, 2)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set(xlim=(0, 10), ylim=(0, 10))
+    axes.axis("off")
+    figure.set_layout_engine("none")
+    outline_gaps(axes, Gaps(np.array([[8.0, 7.0]]), np.array([1.0]), 0.1), linewidth=3)
+    image = pixels(figure)
+    assert image.dtype == np.uint8 and image.shape == (300, 300, 3)
+    green = np.abs(image.astype(int) - np.array(to_rgba(GAP_COLOUR)[:3]) * 255).sum(axis=2) < 30
+    row, column = np.nonzero(green)
+    assert (column.min() + column.max()) / 2 == pytest.approx(240, abs=2)
+    assert (row.min() + row.max()) / 2 == pytest.approx(90, abs=2)  # rows of pixels run from the top
+
+
+def test_colours_darken_from_free_to_occupied_and_unknown_has_no_hue():
+    colours = PROBABILITY(np.linspace(0, 1, 101))[:, :3]
+    luminance = colours**2.2 @ [0.2126, 0.7152, 0.0722]
+    assert (np.diff(luminance) < 0).all()
+    assert np.ptp(PROBABILITY(0.5)[:3]) < 0.01
+
+
+def test_round_length():
+    assert [round_length(metres) for metres in (0.7, 1, 1.9, 2.0, 7.3, 49.9, 200)] == [0.5, 1, 1, 2, 5, 20, 200]
