@@ -14,15 +14,13 @@ from hilbertvae.files import write_json
 from hilbertvae.reports.provenance import provenance
 from hilbertvae.reports.run_state import RUN
 from hilbertvae.scans.sites import site_hashes
+from hilbertvae.tables.clustering import NAME, SCHEMA_VERSION
 from hilbertvae.training.settings import Settings
-
-FILE = "clustering.json"
-SCHEMA_VERSION = 1
 
 
 def run_clustering(settings: Settings, again: bool = True) -> int:
     """Try `grid.start` as `study` says, on returns of the first test site where it asks for them; the exit code."""
-    path = Path(settings.output) / FILE
+    path = Path(settings.output) / NAME
     returns, tested, hashes = None, None, {}
     if settings.study.cloud == "returns":
         site, source = settings.data.test[0], settings.source()
@@ -46,7 +44,7 @@ def run_clustering(settings: Settings, again: bool = True) -> int:
 def write_clustering_failure(folder: str | Path, config: dict, error: BaseException) -> None:
     """`clustering.json` with status `failed`, for a study that broke."""
     why = {RUN: f"{type(error).__name__}: {error}"}
-    write_json(Path(folder) / FILE, {"schema_version": SCHEMA_VERSION, "status": "failed", "failed": why, "rows": [], **provenance(config)})
+    write_json(Path(folder) / NAME, {"schema_version": SCHEMA_VERSION, "status": "failed", "failed": why, "rows": [], **provenance(config)})
 
 
 def _is_finished(path: Path, config_hash: str) -> bool:

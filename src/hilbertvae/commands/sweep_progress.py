@@ -19,11 +19,10 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
 from hilbertvae.checks import InputError
-from hilbertvae.commands.clustering_study import FILE as CLUSTERING
 from hilbertvae.files import write_json
 from hilbertvae.reports.result_json import read_result
-
-SWEEP = "sweep.json"
+from hilbertvae.tables.clustering import NAME as CLUSTERING
+from hilbertvae.tables.sweep import SWEEP
 
 
 class SweepProgress(Callback):

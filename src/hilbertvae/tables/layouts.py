@@ -19,7 +19,7 @@ from hilbertvae.tables.methods import methods_page
 from hilbertvae.tables.page import Page
 from hilbertvae.tables.recipes import recipes_page
 from hilbertvae.tables.starts import starts_page
-from hilbertvae.tables.sweep import Sweep, read_kind, read_sweep
+from hilbertvae.tables.sweep import SWEEP, Sweep, read_kind, read_sweep
 from hilbertvae.tables.tradeoff import tradeoff_page
 
 
@@ -66,7 +66,7 @@ def read_page(folder: Path, kind: str | None = None) -> Page:
     """The tables and the figure of a sweep's folder; an `InputError` for what can't be read or can't stand in one table."""
     kind, *_ = read_kind(folder, kind)
     if kind not in LAYOUTS:
-        raise InputError(f"{folder / 'sweep.json'}: sweep: expected one of {', '.join(LAYOUTS)}, got {kind!r}")
+        raise InputError(f"{folder / SWEEP}: sweep: expected one of {', '.join(LAYOUTS)}, got {kind!r}")
     return LAYOUTS[kind].read(folder, kind)
 
 

@@ -20,6 +20,7 @@ from hilbertvae.reports.result_json import read_result
 from hilbertvae.scoring.result import Result
 from hilbertvae.tables.recipe import check_same_recipe
 
+SWEEP = "sweep.json"
 SIZES = ("quick", "full")
 JOB = re.compile(r"(?P<case>.+)-seed(?P<seed>\d+)")
 """A job's folder, which tells its case where no configuration does."""
@@ -131,7 +132,7 @@ def case_of(job: str) -> str:
 
 def read_kind(folder: Path, kind: str | None) -> tuple[str, str | None, list[str] | None]:
     """(kind, size, jobs) of a folder; size and jobs are None for one that was made by hand, which `kind` has to be given for."""
-    path = folder / "sweep.json"
+    path = folder / SWEEP
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder")
     if not path.exists():
