@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from hilbertvae.files import atomic, file_sha256, folder_sha256, hash_of, write_json
+from hilbertvae.files import atomic, file_sha256, folder_sha256, hash_of, json_object, write_json
 
 
 def test_a_block_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -15,6 +15,16 @@ def test_a_block_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):
         raise RuntimeError("killed")
     assert json.loads(path.read_text()) == {"a": 1}
     assert [found.name for found in path.parent.iterdir()] == ["result.json"]
+
+
+def test_what_is_no_object_in_a_file_is_none(tmp_path):
+    path = tmp_path / "mark.json"
+    assert json_object(path) == json_object(tmp_path) == {}
+    for content in (b"", b"{", b"[1]", b"3", b"\xff"):
+        path.write_bytes(content)
+        assert json_object(path) == {}
+    write_json(path, {"a": "\u00e4"})
+    assert json_object(path) == {"a": "\u00e4"}
 
 
 def test_the_file_is_not_there_until_the_block_ends(tmp_path):

@@ -49,6 +49,15 @@ def write_json(path: str | os.PathLike, content: dict) -> None:
         temporary.write_text(text + "\n", encoding="utf-8")
 
 
+def json_object(path: str | os.PathLike) -> dict:
+    """The object in a JSON file; an empty one where the file is not there, damaged, or of something else."""
+    try:
+        found = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
 def file_sha256(path: str | os.PathLike) -> str:
     """The sha256 of a file's bytes, in hex."""
     with open(path, "rb") as file:

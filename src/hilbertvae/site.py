@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import RESOLUTION_M, Cloud, points_cloud, thinned_cloud, voted_cloud
 from hilbertvae.files import hash_of, path_sha256
 from hilbertvae.ground import Ground, find_ground
+from hilbertvae.last_few import LastFew
 from hilbertvae.scans.formats import ReadingSettings, is_scan_path, read_scans_path
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.sites import find_site, read_site, site_path
@@ -34,7 +35,7 @@ class Site:
     name: str
     scans: Scans
     resolution_m: float = 0.0
-    _memory: dict = field(default_factory=dict, init=False, repr=False, compare=False)
+    _memory: LastFew = field(default_factory=partial(LastFew, REMEMBERED), init=False, repr=False, compare=False)
 
     def __post_init__(self):
         if not self.resolution_m:
@@ -104,11 +105,7 @@ class Site:
 
     def remember(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """What `make()` gave when `key` was last asked for, if it is among the `REMEMBERED` last: every mapper is shown the same."""
-        found = self._memory.pop(key) if key in self._memory else make()
-        self._memory[key] = found
-        while len(self._memory) > REMEMBERED:
-            del self._memory[next(iter(self._memory))]
-        return found
+        return self._memory.get(key, make)
 
     def _seen_in(self, votes: VoxelVotes | None) -> np.ndarray:
         every = self._votes.index
@@ -173,7 +170,7 @@ class SiteSource:
         return {"site": asdict(find_site(reference))}
 
 
-_scans_read: dict[str, Scans] = {}
+_scans_read = LastFew(READ)
 
 
 def _scans_at(reference: str, reading: ReadingSettings) -> Scans:
@@ -183,10 +180,7 @@ def _scans_at(reference: str, reading: ReadingSettings) -> Scans:
     files = sorted(file for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file())
     stamps = [(str(file), file.stat().st_size, file.stat().st_mtime_ns) for file in files]
     key = hash_of([str(path), stamps, asdict(reading)])
-    _scans_read[key] = _scans_read.pop(key) if key in _scans_read else read_scans_path(reference, reading)
-    while len(_scans_read) > READ:
-        del _scans_read[next(iter(_scans_read))]
-    return _scans_read[key]
+    return _scans_read.get(key, lambda: read_scans_path(reference, reading))
 
 
 def site_name(reference: str) -> str:

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import pytest
 
+from hilbertvae.last_few import LastFew
 from hilbertvae.training import opened_sites
 from hilbertvae.training.opened_sites import KEPT, opened_site
 from hilbertvae.training.settings import DataSettings, Settings
@@ -9,7 +10,7 @@ from hilbertvae.training.settings import DataSettings, Settings
 
 @pytest.fixture(autouse=True)
 def none_is_open(monkeypatch):
-    monkeypatch.setattr(opened_sites, "_opened", {})
+    monkeypatch.setattr(opened_sites, "_opened", LastFew(KEPT))
 
 
 @pytest.fixture

@@ -174,6 +174,15 @@ def test_a_folder_with_a_run_of_other_settings_is_left_alone(finished):
     assert path.read_bytes() == before
 
 
+@pytest.mark.parametrize("content", [b"{", b"[]", b"\xff"])
+def test_a_folder_that_does_not_say_what_was_trained_in_it_is_left_alone(finished, tmp_path, content):
+    settings = replace(finished[0], output=str(tmp_path / "damaged"))
+    shutil.copytree(finished[0].output, settings.output)
+    (tmp_path / "damaged" / "training.json").write_bytes(content)
+    with pytest.raises(InputError, match="output: .* holds a run with other settings"):
+        train(settings)
+
+
 @pytest.mark.parametrize("change", ["settings", "code"])
 def test_a_job_whose_network_is_kept_trains_anew_what_another_left(change, tmp_path, monkeypatch):
     settings = tiny_settings(tmp_path / "job", tmp_path / "cache", trainer=TRAINER, trained=str(tmp_path / "trained"))

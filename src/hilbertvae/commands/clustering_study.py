@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from rich.progress import Progress
 
 import hilbertvae
 from hilbertvae.clusters.comparison import study
-from hilbertvae.files import write_json
+from hilbertvae.files import json_object, write_json
 from hilbertvae.reports.provenance import provenance
 from hilbertvae.reports.run_state import RUN
 from hilbertvae.scans.sites import site_hashes
@@ -48,8 +47,5 @@ def write_clustering_failure(folder: str | Path, config: dict, error: BaseExcept
 
 
 def _is_finished(path: Path, config_hash: str) -> bool:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return isinstance(found, dict) and found.get("status") == "ok" and found.get("config_hash") == config_hash
+    found = json_object(path)
+    return found.get("status") == "ok" and found.get("config_hash") == config_hash

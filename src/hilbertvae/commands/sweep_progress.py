@@ -19,7 +19,7 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
 from hilbertvae.checks import InputError
-from hilbertvae.files import write_json
+from hilbertvae.files import json_object, write_json
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.tables.clustering import NAME as CLUSTERING
 from hilbertvae.tables.sweep import SWEEP
@@ -60,11 +60,9 @@ class SweepProgress(Callback):
 
 def earlier_jobs(path: Path, sweep: str, size: str) -> list[str]:
     """The jobs that `sweep.json` has of the same sweep in the same size; none where it is of another, damaged, or not there."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        return [str(job) for job in content["jobs"]] if (content["sweep"], content["size"]) == (sweep, size) else []
-    except (OSError, ValueError, KeyError, TypeError):
-        return []
+    content = json_object(path)
+    jobs = content.get("jobs") if (content.get("sweep"), content.get("size")) == (sweep, size) else None
+    return [str(job) for job in jobs] if isinstance(jobs, list) else []
 
 
 def say_how_it_ended(folder: Path, jobs: list[str]) -> None:

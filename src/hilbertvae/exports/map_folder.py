@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tempfile
 from collections.abc import Iterator
@@ -11,7 +10,7 @@ from pathlib import Path
 
 from hilbertvae.checks import InputError
 from hilbertvae.exports.formats import EXPORTS
-from hilbertvae.files import hash_of, write_json
+from hilbertvae.files import hash_of, json_object, write_json
 from hilbertvae.signals import not_stopped
 
 MAP, PICTURE, PAGE, SUMMARY = "map.safetensors", "map.png", "summary.html", "summary.json"
@@ -27,7 +26,7 @@ def scans_hash(scans: Path) -> str:
 def listed_files(output: Path) -> set[str]:
     """The files of the map that is in a folder, by its summary, which may be another tool's."""
     try:
-        return OURS & set(_summary(output)["files"])
+        return OURS & set(json_object(output / SUMMARY)["files"])
     except (KeyError, TypeError):
         return set()
 
@@ -35,15 +34,6 @@ def listed_files(output: Path) -> set[str]:
 def is_of_a_map(path: Path) -> bool:
     """Whether a file is one of the map in its folder, which may have lost its summary."""
     return path.name in (OURS if (path.parent / MAP).exists() else listed_files(path.parent))
-
-
-def _summary(output: Path) -> dict:
-    """What is in a folder's summary, which may be another tool's, or none."""
-    try:
-        found = json.loads((output / SUMMARY).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
 
 
 def check_writable(output: Path) -> None:
@@ -67,7 +57,7 @@ def check_output(output: Path, scans: Path, exports: list[str], by_name: bool) -
         raise InputError(f"output: {scans} is what is read, and would be replaced or removed; choose another folder")
     for name in sorted(there - earlier - ({SUMMARY} if earlier else set())):
         raise InputError(f"output: {output / name} was not left by an earlier map, and would be replaced; choose another folder")
-    if by_name and earlier and _summary(output).get("scans_hash") not in (None, scans_hash(scans)):
+    if by_name and earlier and json_object(output / SUMMARY).get("scans_hash") not in (None, scans_hash(scans)):
         raise InputError(f"output: {output} has the map of other scans of that name, and would be replaced; choose a folder with output=")
 
 

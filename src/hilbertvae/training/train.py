@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import os
 import shutil
@@ -18,7 +17,7 @@ from lightning.pytorch.strategies import StrategyRegistry
 
 import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.files import hash_of, write_json
+from hilbertvae.files import hash_of, json_object, write_json
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.blocks import bottom_cells
 from hilbertvae.reconstruction.precision import training_type
@@ -69,7 +68,7 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     reconstructor = kept.take(checkpoint) if kept else None
     if reconstructor:
         print(f"{output}: its network was trained before and is kept as {kept.path}")
-        if _mark(output) != _made_of(settings):
+        if json_object(output / TRAINING) != _made_of(settings):
             _begin_anew(output, settings)
         score(settings, mappers or {}, reconstructor, write)
         return checkpoint
@@ -147,7 +146,7 @@ def _last_epoch(output: Path, settings: Settings) -> Path | None:
     """
     made_of, last = _made_of(settings), output / "checkpoints" / "last.ckpt"
     if last.exists():
-        found = _mark(output)
+        found = json_object(output / TRAINING)
         if all(found.get(key) == value for key, value in made_of.items()):
             return last
         if not settings.trained:
@@ -163,13 +162,7 @@ def _made_of(settings: Settings) -> dict[str, str]:
 
 def _begin_anew(output: Path, settings: Settings) -> None:
     """What lies there of another network goes: its last epoch would be gone on from, and its curves be shown as this one's."""
-    if settings.trained or _mark(output):
+    if settings.trained or (output / TRAINING).exists():
         shutil.rmtree(output / "checkpoints", ignore_errors=True)
         clear(output)
     write_json(output / TRAINING, _made_of(settings))
-
-
-def _mark(output: Path) -> dict:
-    """What the last training in a folder was of; nothing where there was none."""
-    path = output / TRAINING
-    return json.loads(path.read_text()) if path.exists() else {}
