@@ -142,7 +142,7 @@ def test_the_network_may_learn_from_the_scans_first(mapped, tmp_path):
 def test_the_calibration_is_the_user_s(room, tmp_path):
     scans, network = npz_of(room, tmp_path / "room.npz"), tiny_reconstructor()
     for reading, constant in (("voxels", -1.0), ("points", 1.0)):
-        network.weights[reading] = RankWeights(np.append(np.full(5, 0.1), constant), np.full(15, 0.1), np.full(6, 0.1)).plain()
+        network.map_weights[reading] = RankWeights(np.append(np.full(5, 0.1), constant), np.full(15, 0.1), np.full(6, 0.1)).plain()
     weights, filled = str(network.save(tmp_path / "learned.safetensors")), {}
     for reading in ("voxels", "points"):
         settings = MapSettings(scans=str(scans), output=str(tmp_path / reading), weights=weights, calibration=reading, exports=["npz"])

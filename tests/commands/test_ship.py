@@ -33,7 +33,7 @@ def trained(tmp_path):
 def test_a_shipped_network_is_loaded_by_its_name(folder, trained, room):
     assert main(["2d", "--checkpoint", str(trained)]) == 0
     mapper = hilbertvae.load_mapper("2d", neighbours=5)
-    weights = mapper.reconstructor.weights
+    weights = mapper.reconstructor.map_weights
     assert weights.keys() == {"points", "voxels"} and mapper.reconstructor.card["trained_on"] == CARD["trained_on"]
     assert (folder / "2d.safetensors").stat().st_size < trained.stat().st_size
     found = mapper.fit(room.fit.points, room.fit.occupied, room.fit.weight).predict_proba(room.fit.points)
@@ -48,21 +48,21 @@ def test_maps_may_be_turned_and_read_otherwise_than_in_training(folder, trained)
     # What is packed already can be shipped again, to the bit.
     assert main(["2d", "--checkpoint", "2d"]) == 0
     again = Reconstructor.load("2d")
-    assert again.fingerprint() == first.fingerprint() and again.weights == first.weights and again.grid == first.grid
+    assert again.fingerprint() == first.fingerprint() and again.map_weights == first.map_weights and again.grid == first.grid
 
 
 def test_where_the_cuts_on_points_lie_is_chosen_and_kept(folder, trained, capsys):
     assert main(["2d", "--checkpoint", str(trained)]) == 0
-    first = Reconstructor.load("2d").weights
+    first = Reconstructor.load("2d").map_weights
     assert main(["2d", "--checkpoint", "2d", "--occupied-weight", "1.2"]) == 0
-    shy = Reconstructor.load("2d").weights
+    shy = Reconstructor.load("2d").map_weights
     assert (first["points"]["occupied_weight"], shy["points"]["occupied_weight"]) == (2.0, 1.2)
     assert shy["voxels"] == first["voxels"] and shy["points"] != first["points"]
     assert "an occupied one counts for 1.2." in (folder / "2d.md").read_text()
-    assert main(["2d", "--checkpoint", "2d"]) == 0 and Reconstructor.load("2d").weights == shy
+    assert main(["2d", "--checkpoint", "2d"]) == 0 and Reconstructor.load("2d").map_weights == shy
     assert main(["2d", "--checkpoint", "2d", "--occupied-weight", "0"]) == 2
     assert main(["2d", "--checkpoint", "2d", "--occupied-weight", "1e300"]) == 2
-    assert "--occupied-weight: expected a positive number" in capsys.readouterr().err and Reconstructor.load("2d").weights == shy
+    assert "--occupied-weight: expected a positive number" in capsys.readouterr().err and Reconstructor.load("2d").map_weights == shy
 
 
 def test_a_packed_network_says_nearly_the_same(folder, trained):

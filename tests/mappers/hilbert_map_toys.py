@@ -18,7 +18,7 @@ def learned(neighbours=5, seed=0):
 
 def reconstructor(dimension=2):
     made = tiny_reconstructor(dimension)
-    made.weights = {"voxels": learned(), "points": learned(seed=1)}
+    made.map_weights = {"voxels": learned(), "points": learned(seed=1)}
     return made
 
 

@@ -12,7 +12,7 @@ def network(dimension=2):
     made = tiny_reconstructor(dimension)
     rng = np.random.default_rng(0)
     drawn = rng.uniform(0.1, 1, 6), rng.uniform(-0.3, 0.3, FEATURES + 2), rng.uniform(0.1, 1, 6)
-    made.weights = {"voxels": RankWeights(*drawn, spread=-0.7).plain()}
+    made.map_weights = {"voxels": RankWeights(*drawn, spread=-0.7).plain()}
     return made
 
 

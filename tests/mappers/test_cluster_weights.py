@@ -45,7 +45,7 @@ def test_factors_are_learned_from_what_was_hidden_alone(room, monkeypatch, level
     """With all factors 1 what they are fitted to is the map's own logit, by grids that never saw a point of it."""
     given, made, cloud = [], reconstructor(), gapped(room)
     monkeypatch.setattr(hilbert_map, "fit_cluster_weights", lambda *known: given.append(known) or fit_cluster_weights(*known))
-    made.weights["voxels"]["level"] = level
+    made.map_weights["voxels"]["level"] = level
     mapper = fit(HilbertMap(made, weights="cluster", ridge=7.0), cloud)
     ((values, _, offset, rank_weights, occupied, clusters, ridge, _),) = given
     part = random_gaps(cloud, 2.5, 0.1, seed=0).part(cloud.points)

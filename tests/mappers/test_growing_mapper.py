@@ -37,7 +37,7 @@ def network(dimension, **settings):
     made = tiny_reconstructor(dimension, **settings)
     rng = np.random.default_rng(0)
     drawn = rng.uniform(0.1, 1, 6), rng.uniform(-0.3, 0.3, 15), rng.uniform(0.1, 1, 6)
-    made.weights = {"voxels": RankWeights(*drawn, spread=-0.7).plain()}
+    made.map_weights = {"voxels": RankWeights(*drawn, spread=-0.7).plain()}
     return made
 
 

@@ -183,8 +183,8 @@ def test_calibration_chooses_the_weights(room):
     made = reconstructor()
     for reading in ("voxels", "points"):
         mapper = fit(HilbertMap(made, calibration=reading), gapped(room))
-        np.testing.assert_array_equal(mapper.rank_weights_.unseen, made.weights[reading]["unseen"])
-    made.weights = {}  # never learned: as in the author's real-time code
+        np.testing.assert_array_equal(mapper.rank_weights_.unseen, made.map_weights[reading]["unseen"])
+    made.map_weights = {}  # never learned: as in the author's real-time code
     np.testing.assert_array_equal(fit(HilbertMap(made), gapped(room)).rank_weights_.unseen, [1, 1, 1, 1, 1, 0])
 
 

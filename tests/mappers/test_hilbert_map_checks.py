@@ -14,7 +14,7 @@ from toy_rooms import tiny_grid
 
 def test_weights_learned_by_another_version_are_named(room):
     made = reconstructor()
-    made.weights["voxels"]["seen"].pop()
+    made.map_weights["voxels"]["seen"].pop()
     with pytest.raises(InputError, match="checkpoint: the Hilbert Map's weights were learned by another version"):
         fit(HilbertMap(made), gapped(room))
 

@@ -44,7 +44,7 @@ def test_it_learns_what_other_gaps_of_the_site_hide(place, encoding, monkeypatch
     assert hidden_loss(after, other) < 0.9 * hidden_loss(before, other)
     for name, tensor in weights_of(before).items():
         assert torch.equal(tensor, kept[name])
-    assert after.weights == before.weights and after.grid == before.grid
+    assert after.map_weights == before.map_weights and after.grid == before.grid
     assert not after.network.training
 
 

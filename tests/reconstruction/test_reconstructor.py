@@ -31,11 +31,11 @@ def paper_reconstructor(tied):
 @pytest.mark.parametrize("kind", ["gated", "gated-3d", "paper", "paper-tied"])
 def test_what_was_saved_comes_back_to_the_bit(tmp_path, kind):
     made = tiny_reconstructor(3 if kind == "gated-3d" else 2) if kind.startswith("gated") else paper_reconstructor(kind == "paper-tied")
-    made.weights = {"voxels": {"unseen": [0.1, 0.2], "seen": [1 / 3]}}
+    made.map_weights = {"voxels": {"unseen": [0.1, 0.2], "seen": [1 / 3]}}
     made.card = {"trained_on": ["aces"], "epoch": 3}
     path = made.save(tmp_path / "deep" / "model.safetensors")
     found = Reconstructor.load(path)
-    for name in ("network_settings", "likelihood", "grid", "dimension", "resolution_m", "weights", "card"):
+    for name in ("network_settings", "likelihood", "grid", "dimension", "resolution_m", "map_weights", "card"):
         assert getattr(found, name) == getattr(made, name)
     for (name, ours), (other, theirs) in zip(made.network.state_dict().items(), found.network.state_dict().items(), strict=True):
         assert name == other and torch.equal(ours, theirs)

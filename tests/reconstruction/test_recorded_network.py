@@ -15,10 +15,10 @@ from toy_rooms import tiny_reconstructor
 
 def test_it_stands_for_the_network_of_a_checkpoint(tmp_path):
     made = tiny_reconstructor()
-    made.weights = {"voxels": {"unseen": [1.0]}}
+    made.map_weights = {"voxels": {"unseen": [1.0]}}
     path = made.save(tmp_path / "model.safetensors")
     found = RecordedNetwork(made.fingerprint(), path)
-    assert (found.dimension, found.grid, found.resolution_m, found.weights) == (2, made.grid, 0.1, made.weights)
+    assert (found.dimension, found.grid, found.resolution_m, found.map_weights) == (2, made.grid, 0.1, made.map_weights)
     grids = np.random.default_rng(0).integers(-1, 2, (3, 16, 16)).astype(np.int8)
     loaded = Reconstructor.load(path).complete(grids, 2)
     np.testing.assert_array_equal(found.complete(grids, 2).value, loaded.value)
@@ -36,7 +36,7 @@ def test_nothing_is_read_before_it_is_needed(monkeypatch):
 def test_a_shipped_network_is_found_again(name):
     network = Reconstructor.load(name)
     found = RecordedNetwork(network.fingerprint())
-    assert found.dimension == network.dimension and found.grid == network.grid and found.weights == network.weights
+    assert found.dimension == network.dimension and found.grid == network.grid and found.map_weights == network.map_weights
 
 
 def test_another_network_is_refused(tmp_path):
@@ -50,7 +50,7 @@ def test_another_network_is_refused(tmp_path):
 def test_a_fingerprint_is_that_of_what_it_answers(tmp_path):
     made = tiny_reconstructor()
     loaded = Reconstructor.load(made.save(tmp_path / "model.safetensors"))
-    loaded.weights, loaded.card = {"voxels": {}}, {"epoch": 7}
+    loaded.map_weights, loaded.card = {"voxels": {}}, {"epoch": 7}
     assert loaded.fingerprint() == made.fingerprint()  # what its answers don't depend on
     with torch.no_grad():
         next(loaded.network.parameters()).mul_(1.001)

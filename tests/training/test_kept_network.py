@@ -129,14 +129,14 @@ class TestWeightsLearnedAnew:
     @pytest.mark.parametrize("neighbours", [1, 3])
     def test_another_number_of_grids_has_as_many_weights(self, first, neighbours):
         mapper = self.scored(*first, neighbours=neighbours)
-        assert {len(weights["unseen"]) for weights in mapper.reconstructor.weights.values()} == {neighbours + 1}
+        assert {len(weights["unseen"]) for weights in mapper.reconstructor.map_weights.values()} == {neighbours + 1}
 
     def test_an_occupied_point_counts_for_as_much_as_in_the_network_s_own(self, first, tmp_path):
         settings, path = first
         network = Reconstructor.load(path)
-        network.weights["points"]["occupied_weight"] = 1.2
+        network.map_weights["points"]["occupied_weight"] = 1.2
         mapper = self.scored(settings, network.save(tmp_path / "shy.safetensors"), neighbours=3)
-        assert mapper.reconstructor.weights["points"]["occupied_weight"] == 1.2 != settings.calibration_occupied_weight
+        assert mapper.reconstructor.map_weights["points"]["occupied_weight"] == 1.2 != settings.calibration_occupied_weight
 
     def test_a_site_that_the_network_knows_teaches_no_weights(self, first, tmp_path):
         settings, path = first
@@ -160,4 +160,4 @@ class TestWeightsLearnedAnew:
         farther = first[0].grid.cluster_diameter_m / 2
         usual, sparse = self.scored(*first), self.scored(*first, inner_radius_m=farther)
         assert sparse.grid_.inner_radius_m == farther and sparse.cluster_count() < usual.cluster_count()
-        assert sparse.reconstructor.weights != usual.reconstructor.weights == Reconstructor.load(first[1]).weights
+        assert sparse.reconstructor.map_weights != usual.reconstructor.map_weights == Reconstructor.load(first[1]).map_weights

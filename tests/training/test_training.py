@@ -64,7 +64,7 @@ def assert_same(path, other):
     ours, theirs = Reconstructor.load(path), Reconstructor.load(other)
     for (name, a), (_, b) in zip(ours.network.state_dict().items(), theirs.network.state_dict().items(), strict=True):
         assert torch.equal(a, b), name
-    assert ours.weights == theirs.weights and ours.card == theirs.card
+    assert ours.map_weights == theirs.map_weights and ours.card == theirs.card
 
 
 def test_a_run_leaves_a_checkpoint_that_maps(finished, room):
@@ -72,7 +72,7 @@ def test_a_run_leaves_a_checkpoint_that_maps(finished, room):
     assert str(path) == f"{settings.output}/model.safetensors"
     found = Reconstructor.load(path)
     assert (found.grid, found.network_settings, found.resolution_m) == (settings.grid, settings.network, 0.1)
-    assert set(found.weights) == {"points", "voxels"} and found.card["trained_on"] == ["1 simulated buildings"]
+    assert set(found.map_weights) == {"points", "voxels"} and found.card["trained_on"] == ["1 simulated buildings"]
     mapper = HilbertMap(found).fit(room.fit.points, room.fit.occupied, room.fit.weight)
     assert np.isfinite(mapper.predict_proba(room.voxels.points)).all()
 
@@ -222,7 +222,7 @@ def test_mappers_are_scored_on_the_test_sites_and_writers_get_the_result(finishe
     assert (site.name, result.site) == ("simulated:900002", "simulated:900002")
     assert result.failed == {} and set(result.scores) == set(mappers)
     assert fitted["raw-grid-hm"].reconstructor is None
-    assert fitted["cvae-hm"].reconstructor.weights == Reconstructor.load(path).weights
+    assert fitted["cvae-hm"].reconstructor.map_weights == Reconstructor.load(path).map_weights
     json.dumps(result.plain(), allow_nan=False)
 
 
@@ -250,7 +250,7 @@ def test_the_maps_weights_are_learned_over_the_runs_flips(finished, tmp_path):
     other = train(replace(settings, output=str(tmp_path / "one"), flips=1))
     one, four = Reconstructor.load(other), Reconstructor.load(path)
     assert all(torch.equal(a, b) for a, b in zip(one.network.state_dict().values(), four.network.state_dict().values(), strict=True))
-    assert one.weights != four.weights
+    assert one.map_weights != four.map_weights
 
 
 @pytest.mark.parametrize(("on_cpu", "on_gpu"), [(False, True), (True, False)])

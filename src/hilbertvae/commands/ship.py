@@ -43,7 +43,7 @@ def ship(
     if occupied_weight is not None:
         check_occupied_weight(occupied_weight, "--occupied-weight")
     trained = Reconstructor.load(checkpoint)
-    counted = {"occupied_weight": occupied_weight or occupied_weight_of(trained.weights)}
+    counted = {"occupied_weight": occupied_weight or occupied_weight_of(trained.map_weights)}
     if mean:
         trained = mean_of(Reconstructor.load(name), trained)
     if rotation:
@@ -52,12 +52,12 @@ def ship(
         trained = replace(trained, grid=replace(trained.grid, interpolated=True))
     defaults = Settings(dimension=trained.dimension)
     with tempfile.TemporaryDirectory() as folder:
-        packed = Reconstructor.load(replace(trained, weights={}).save(Path(folder) / "packed.safetensors", packed=True))
+        packed = Reconstructor.load(replace(trained, map_weights={}).save(Path(folder) / "packed.safetensors", packed=True))
     references = list(calibrate) or calibrated_on(trained.card)
     check_unseen(references, trained.card, "--calibrate", "the network")
     sites = [open_site(reference, trained.resolution_m, defaults.source()) for reference in references]
     mapper = HilbertMap(packed)
-    packed.weights = learn_rank_weights(mapper, sites, **defaults.calibration() | counted)
+    packed.map_weights = learn_rank_weights(mapper, sites, **defaults.calibration() | counted)
     packed.card = {**trained.card, "flips": mapper.flips_, "calibrated_on": references}
     return packed.save(checkpoint_path(name), packed=True)
 

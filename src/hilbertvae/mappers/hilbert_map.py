@@ -135,7 +135,7 @@ class HilbertMap(GrowingMapper):
         self.small_seeds_ = self._growing = self.adapted_ = None
 
     def _rank_weights(self) -> RankWeights:
-        learned = self.reconstructor.weights if self.reconstructor else {}
+        learned = self.reconstructor.map_weights if self.reconstructor else {}
         if self.weights == "unit" or self.calibration not in learned:  # never learned, or raw grids
             return unit_weights(self.neighbours, self.evidence_.feature_count)
         weights = RankWeights.from_plain(learned[self.calibration])

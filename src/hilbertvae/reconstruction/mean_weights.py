@@ -18,4 +18,4 @@ def mean_of(before: Reconstructor, after: Reconstructor) -> Reconstructor:
         raise InputError(f"checkpoint: expected a network of {kinds[0]}, as the one before it, got {kinds[1]}")
     network, old = copy.deepcopy(after.network), before.network.state_dict()
     network.load_state_dict({key: (value + old[key]) / 2 for key, value in network.state_dict().items()})
-    return replace(after, network=network, weights={}, card={**after.card, "mean_with_step_before": True})
+    return replace(after, network=network, map_weights={}, card={**after.card, "mean_with_step_before": True})

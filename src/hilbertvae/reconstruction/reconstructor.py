@@ -43,7 +43,7 @@ class Completion:
 class Reconstructor:
     """A network, the likelihood it was trained with, and the grids it was trained on.
 
-    `weights` holds the Hilbert Map's learned weights by reading (`points`, `voxels`), `card` what it was trained on; both are plain.
+    `map_weights` holds the Hilbert Map's learned weights by reading (`points`, `voxels`), `card` what it was trained on; both are plain.
     `seconds` says how long its training took, stage by stage; it is no part of the file, which says nothing of the machine.
     """
 
@@ -53,7 +53,7 @@ class Reconstructor:
     grid: GridSettings
     dimension: int
     resolution_m: float
-    weights: dict = field(default_factory=dict)
+    map_weights: dict = field(default_factory=dict)
     card: dict = field(default_factory=dict)
     seconds: dict = field(default_factory=dict)
 
@@ -129,7 +129,7 @@ class Reconstructor:
             "grid": asdict(self.grid),
             "dimension": self.dimension,
             "resolution_m": self.resolution_m,
-            "weights": self.weights,
+            "weights": self.map_weights,
             "card": self.card,
         }
         tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in self.network.state_dict().items()}
@@ -171,7 +171,7 @@ class Reconstructor:
                 grid=grid,
                 dimension=described["dimension"],
                 resolution_m=described["resolution_m"],
-                weights=described["weights"],
+                map_weights=described["weights"],
                 card=described["card"],
             )
         except (InputError, KeyError, TypeError, AttributeError, RuntimeError, json.JSONDecodeError) as error:

@@ -53,8 +53,8 @@ class RecordedNetwork:
         return self.found.resolution_m
 
     @property
-    def weights(self) -> dict:
-        return self.found.weights
+    def map_weights(self) -> dict:
+        return self.found.map_weights
 
     @property
     def detailed(self) -> bool:

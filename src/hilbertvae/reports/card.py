@@ -55,7 +55,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         + f"over {card['flips']} flip{'s' if card['flips'] > 1 else ''}"
         + (f", in frames turned as `{turned}`" if (turned := network.grid.frame.rotation) != "none" else "")
         + (", read between cells" if network.grid.interpolated else "")
-        + f"; in those for points an occupied one counts for {occupied_weight_of(network.weights):g}.",
+        + f"; in those for points an occupied one counts for {occupied_weight_of(network.map_weights):g}.",
         "## Scores",
         *([_scores([read_result(path)[0] for path in results]), _made(results)] if results else ["Not scored yet."]),
         "## Limits",

@@ -1,6 +1,6 @@
 """The plan of a street: carriageway, kerb lines, lots along them with their drives, side streets, an open place, a car park.
 
-Plans are drawn straight, in (s, t): s metres along the street, t metres to its left; `terrain.Ground` bends them into the world.
+Plans are drawn straight, in (s, t): s metres along the street, t metres to its left; `terrain.StreetGround` bends them into the world.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import shapely
 
 from hilbertvae.simulate.kerb_lines import Line, Lot, draw_lots, lines_around, main_lines, ribbon, side_lines
 from hilbertvae.simulate.shapes import united, without
-from hilbertvae.simulate.terrain import Ground, strips
+from hilbertvae.simulate.terrain import StreetGround, strips
 
 BEYOND_M = 85.0
 """How far the street goes on before and after the drive, and side streets to the side: about as far as lidars see."""
@@ -26,7 +26,7 @@ class StreetPlan:
     """
 
     character: str
-    ground: Ground
+    ground: StreetGround
     grass: shapely.Geometry
     extent: tuple[float, float, float, float]
     lines: list[Line]
@@ -136,13 +136,13 @@ def _grass(rng, road, lines, lots, island) -> shapely.Geometry:
     return without(without(united(soft), road), united(hard)) if hard else without(united(soft), road)
 
 
-def _draw_ground(rng, character, road, widths, pavements, lots) -> Ground:
+def _draw_ground(rng, character, road, widths, pavements, lots) -> StreetGround:
     drives = [(*lot.line.at(lot.x_m + lot.drive_m, 0.0), 1.6) for lot in lots if lot.drive_m is not None]
     waves = [(rng.normal(0, 1 / length), rng.normal(0, 1 / length), rng.uniform(0, 6), rng.normal(0, size)) for length, size in
              ((25, 0.12), (12, 0.04), (5, 0.012), (2.5, 0.005), (1.2, 0.003))]  # fmt: skip
     banks = rng.normal(0, 0.04, 2) + (rng.random(2) < 0.25) * rng.normal(0, 0.15, 2)
     kerb = rng.uniform(0.0, 0.06) if character == "park" else rng.choice([rng.uniform(0.09, 0.16), 0.03], p=[0.88, 0.12])
-    return Ground(
+    return StreetGround(
         float(rng.choice([0.0, rng.uniform(-1 / 160, 1 / 160)], p=[0.4, 0.6])),
         float(np.clip(rng.normal(0, 0.015), -0.06, 0.06)),
         float(np.clip(rng.normal(0, 0.01), -0.03, 0.03)),

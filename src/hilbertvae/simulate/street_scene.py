@@ -9,7 +9,7 @@ import numpy as np
 from hilbertvae.simulate.kerb_lines import Line
 from hilbertvae.simulate.soup import Soup, joined
 from hilbertvae.simulate.street_plan import StreetPlan
-from hilbertvae.simulate.terrain import Ground, ground_soup
+from hilbertvae.simulate.terrain import StreetGround, ground_soup
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Thing:
     angle_rad: float = 0.0
     draped: bool = False
 
-    def in_world(self, ground: Ground) -> Soup:
+    def in_world(self, ground: StreetGround) -> Soup:
         """Its triangles in metres of the world, standing on the ground, or laid over it if `draped`."""
         if not self.draped:
             return self.soup.moved(ground.place(self.s, self.t), self.angle_rad + ground.heading(self.s))

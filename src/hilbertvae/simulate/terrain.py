@@ -18,7 +18,7 @@ RAMP_M = 1.0
 
 
 @dataclass(frozen=True)
-class Ground:
+class StreetGround:
     """curvature: 1 / m, of the line t = 0. slope: metres up per metre along; crossfall: per metre to the left.
 
     camber: metres down per metre from t = 0, as far as `flat_from_m`. banks: metres up per metre beyond `flat_from_m`, right and left.
@@ -76,7 +76,7 @@ class Ground:
         return np.stack(np.broadcast_arrays(x, y, self.height(s, t) + up_m), axis=-1)
 
 
-def ground_soup(ground: Ground, extent, grass: shapely.Geometry) -> Soup:
+def ground_soup(ground: StreetGround, extent, grass: shapely.Geometry) -> Soup:
     """Carriageway, kerbs and what lies beside, within `extent` (s0, t0, s1, t1). `grass`: which of it is grown over."""
     s0, t0, s1, t1 = extent
     s, t = np.arange(s0, s1 + CELL_M, CELL_M), np.arange(t0, t1 + CELL_M, CELL_M)
@@ -111,7 +111,7 @@ def _triangulated(cells: np.ndarray, area: shapely.Geometry) -> np.ndarray:
     return np.concatenate([whole, shapely.get_coordinates(small).reshape(-1, 4, 2)[:, :3]])
 
 
-def _kerb_faces(ground: Ground, rim: np.ndarray) -> Soup:
+def _kerb_faces(ground: StreetGround, rim: np.ndarray) -> Soup:
     s, t = rim[..., 0], rim[..., 1]
     x, y = ground.in_world(s, t)
     low = ground.level(s, t)

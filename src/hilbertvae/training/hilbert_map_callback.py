@@ -49,7 +49,7 @@ class HilbertMapCallback(L.Callback):
         mapper = HilbertMap(reconstructor, flips=settings.flips, device=filling_device(settings))
         learned = learn_rank_weights(mapper, sites, **settings.calibration())
         self._lap("weights")
-        reconstructor.weights, reconstructor.seconds = learned, self.seconds
+        reconstructor.map_weights, reconstructor.seconds = learned, self.seconds
         reconstructor.save(self.checkpoint)
         if self.kept:
             self.kept.keep(self.checkpoint, self.seconds)

@@ -103,7 +103,7 @@ def _foreign_source(kind: type) -> str:
 
 def _plain(value: object) -> object:
     if isinstance(value, Reconstructor):
-        return [value.fingerprint(), value.resolution_m, asdict(value.grid), value.weights]
+        return [value.fingerprint(), value.resolution_m, asdict(value.grid), value.map_weights]
     if isinstance(value, str) and Path(value).is_file():
         return file_sha256(value)
     return asdict(value) if is_dataclass(value) else value

@@ -71,20 +71,20 @@ def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
     learned: dict = {}
     for mapper in mappers.values():
         network = getattr(mapper, "reconstructor", None)
-        if not network or not network.weights or mapper.weights == "unit":
+        if not network or not network.map_weights or mapper.weights == "unit":
             continue
-        known = {len(weights["unseen"]) - 1 for weights in network.weights.values()}
+        known = {len(weights["unseen"]) - 1 for weights in network.map_weights.values()}
         if mapper.inner_radius_m is None and known == {mapper.neighbours}:
             continue
         chosen = {name: getattr(mapper, name) for name in ("neighbours", "inner_radius_m", "flips", "device")}
         key = (id(network), *chosen.values())
         if key not in learned:
             _check_calibration_sites(settings, network.card)
-            anew = HilbertMap(replace(network, weights={}), **chosen)
+            anew = HilbertMap(replace(network, map_weights={}), **chosen)
             sites = [opened_site(reference, settings) for reference in settings.calibration_sites()]
-            counted = {"occupied_weight": occupied_weight_of(network.weights)}  # as its own were: rows differ by what was asked
+            counted = {"occupied_weight": occupied_weight_of(network.map_weights)}  # as its own were: rows differ by what was asked
             weights = learn_rank_weights(anew, sites, **settings.calibration() | counted)
-            learned[key] = replace(network, weights=weights)
+            learned[key] = replace(network, map_weights=weights)
         mapper.set_params(reconstructor=learned[key])
 
 
