@@ -14,6 +14,7 @@ import numpy as np
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cores import cores
 from hilbertvae.scans.scan import Scans
+from hilbertvae.sums import sums_by
 
 SAMPLES_AT_ONCE = 1_000_000
 MOST_AT_ONCE = 4
@@ -58,7 +59,7 @@ class VoxelVotes:
             weight = np.concatenate([getattr(self, count), getattr(other, count)])
             local = np.concatenate([getattr(self, mean), getattr(other, mean)]) - corner
             counts.append(np.bincount(position, weights=weight, minlength=len(keys)))
-            sums = np.stack([np.bincount(position, weights=weight * axis, minlength=len(keys)) for axis in local.T], axis=1)
+            sums = sums_by(position, local, len(keys), weight)
             means.append(_means(counts[-1], sums, corner, index, self.resolution_m))
         return VoxelVotes(index, *counts, *means, self.resolution_m)
 

@@ -43,6 +43,7 @@ def test_invariants(cloud, inner_m, factor, minimum, seed):
     for m in range(len(found)):
         ball = np.flatnonzero(np.linalg.norm(points - found.seeds[m], axis=1) <= outer_m)
         np.testing.assert_array_equal(found.members[found.offsets[m] : found.offsets[m + 1]], ball)
+        assert (found.numbers[found.offsets[m] : found.offsets[m + 1]] == m).all()
 
 
 def test_seeds_follow_the_law_of_algorithm_1():

@@ -97,7 +97,7 @@ def test_a_training_that_breaks_leaves_the_place_free(tmp_path, first, monkeypat
 
 
 @pytest.mark.parametrize("module", ["training.reconstruction_module", "reconstruction.reconstructor", "mappers.weights", "grids.frame",
-                                    "scoring.calibration", "scoring.cases"])  # fmt: skip
+                                    "scoring.calibration", "scoring.cases", "sums"])  # fmt: skip
 def test_the_code_that_trains_and_weighs_names_a_kept_network(first, monkeypatch, module):
     """The map's weights are kept with the network, so what learns them counts, too."""
     parts = []

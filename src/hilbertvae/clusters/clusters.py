@@ -44,6 +44,11 @@ class Clusters:
         """(P,) flat indices of points, those of cluster m at `members[offsets[m]:offsets[m + 1]]`, ascending."""
         return _balls(self._tree, self.seeds, self._outer_radius_m)
 
+    @property
+    def numbers(self) -> np.ndarray:
+        """(P,) the number of the cluster that each of `members` is in."""
+        return np.repeat(np.arange(len(self)), np.diff(self.offsets))
+
 
 def search_tree(points: np.ndarray) -> cKDTree:
     """A tree over `points (N, D)` for radius searches: of plain halves, which are the quickest to build."""

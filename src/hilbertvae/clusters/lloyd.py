@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from hilbertvae.checks import check_points, check_whole
+from hilbertvae.sums import sums_by
 
 
 def lloyd(points: np.ndarray, seeds: np.ndarray, iterations: int) -> tuple[np.ndarray, list[float]]:
@@ -30,5 +31,5 @@ def _means(points: np.ndarray, nearest: np.ndarray, centres: np.ndarray) -> np.n
     """(M, D) means of the points of each centre, or the centre itself for one without."""
     size = np.bincount(nearest, minlength=len(centres))
     moved = points - centres[nearest]  # from the centre, so that large coordinates cost no digits
-    away = np.stack([np.bincount(nearest, axis, len(centres)) for axis in moved.T], axis=1)
+    away = sums_by(nearest, moved, len(centres))
     return centres + away / np.maximum(size, 1)[:, None]

@@ -16,6 +16,7 @@ from hilbertvae.bucket_index import BucketIndex
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.clusters.clusters import Clusters
+from hilbertvae.sums import sums_by
 
 SPREAD_DEG = np.array([0.0, 22.5, 45.0, 67.5])
 """A quarter turn is one of the symmetries that networks are trained with."""
@@ -99,15 +100,10 @@ def cluster_frames(clusters: Clusters, cloud: Cloud, diameter_m: float, snap_m: 
     return frames
 
 
-def _segments(clusters: Clusters) -> np.ndarray:
-    return np.repeat(np.arange(len(clusters)), np.diff(clusters.offsets))
-
-
 def _mean(values: np.ndarray, segment: np.ndarray, count: int) -> np.ndarray:
     """Means (count, ...) of `values (P, ...)` by segment; 0 for an empty one."""
     flat = values.reshape(len(values), math.prod(values.shape[1:]))
-    total = np.stack([np.bincount(segment, weights=column, minlength=count) for column in flat.T], axis=1)
-    return (total / np.maximum(np.bincount(segment, minlength=count), 1)[:, None]).reshape(count, *values.shape[1:])
+    return (sums_by(segment, flat, count) / np.maximum(np.bincount(segment, minlength=count), 1)[:, None]).reshape(count, *values.shape[1:])
 
 
 def _seed(clusters: Clusters, returns: np.ndarray) -> np.ndarray:
@@ -149,7 +145,7 @@ def _eigenvectors(clusters: Clusters, returns: np.ndarray, cloud: Cloud, diamete
 
 def _axes(clusters: Clusters, returns: np.ndarray, free: BucketIndex, radius_m: float, axes: int) -> np.ndarray:
     """(B, axes, axes), as columns."""
-    segment, count = _segments(clusters), len(clusters)
+    segment, count = clusters.numbers, len(clusters)
     members = returns[clusters.members][:, :axes]
     mean = _mean(members, segment, count)
     centred = members - mean[segment]
@@ -181,7 +177,7 @@ def _fixed(clusters: Clusters, returns: np.ndarray, centre: np.ndarray, rotation
 
 def _extent(clusters: Clusters, returns: np.ndarray, centre: np.ndarray, rotation: np.ndarray, diameter_m: float) -> np.ndarray:
     """The largest extent of a cluster along its axes, on both sides of the centre, so that no return falls out of the box."""
-    segment = _segments(clusters)
+    segment = clusters.numbers
     turned = Frames(centre, rotation, np.ones(len(clusters))).into(returns[clusters.members], segment)
     reach = np.zeros(len(clusters))
     np.maximum.at(reach, segment, np.abs(turned).max(axis=1))

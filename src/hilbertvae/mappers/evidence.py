@@ -12,6 +12,7 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.cores import workers
 from hilbertvae.mappers.growing_array import GrowingArray
 from hilbertvae.mappers.voxel_bricks import NONE, VoxelBricks
+from hilbertvae.sums import sums_by
 from hilbertvae.voxel_votes import voxel_index
 
 FAR_VOXELS = 2.0
@@ -238,7 +239,6 @@ def _merge(votes: np.ndarray, mean: list[np.ndarray], touched, position, weight,
     rows, added = touched[some], added[some]
     old = votes[rows]
     votes[rows] = total = old + added
-    for place, axis in zip(local.T, mean, strict=True):
-        sums = np.bincount(position, weights=weight * place, minlength=len(touched))[some]
+    for sums, axis in zip(sums_by(position, local, len(touched), weight)[some].T, mean, strict=True):
         sums += old * np.where(old > 0, axis[rows], 0.0)
         axis[rows] = np.clip(sums / total, MARGIN, 1 - MARGIN)

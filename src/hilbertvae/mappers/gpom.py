@@ -9,6 +9,7 @@ from scipy.special import ndtr
 from hilbertvae.checks import InputError, check_count, check_positive
 from hilbertvae.cores import workers
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.sums import sums_by
 
 BLOCK = 64
 """Queries solved together: few enough that their matrices stay in the processor's cache. Changes no number."""
@@ -152,4 +153,4 @@ def _thinned(points: np.ndarray, weight: np.ndarray, spacing_m: float) -> tuple[
     total = np.bincount(position, weight)
     # Taken from the cell's corner, so that large coordinates cost no digits.
     away = points - cell[position] * spacing_m
-    return cell * spacing_m + np.stack([np.bincount(position, weight * axis) / total for axis in away.T], axis=1), total
+    return cell * spacing_m + sums_by(position, away, len(cell), weight) / total[:, None], total

@@ -11,6 +11,7 @@ from hilbertvae.clusters.clusters import Clusters
 from hilbertvae.clusters.quick_means import quick_means
 from hilbertvae.cores import workers
 from hilbertvae.mappers.logistic import LogisticMapper
+from hilbertvae.sums import sums_by
 
 NEAREST = 5
 """Only so many clusters speak at a point: those whose means are nearest (METHOD 6)."""
@@ -27,17 +28,16 @@ class ClusterFeatures:
 
     def __init__(self, points: np.ndarray, weight: np.ndarray, clusters: Clusters, thickness_m: float):
         count, dimension = len(clusters), points.shape[1]
-        cluster = np.repeat(np.arange(count), np.diff(clusters.offsets))
+        cluster = clusters.numbers
         weight = weight[clusters.members]
         total = np.bincount(cluster, weight, count)
         # Taken from the seed, so that large coordinates cost no digits.
         away = points[clusters.members] - clusters.seeds[cluster]
-        centre = np.stack([np.bincount(cluster, weight * away[:, a], count) / total for a in range(dimension)], axis=1)
+        centre = sums_by(cluster, away, count, weight) / total[:, None]
         away -= centre[cluster]
         covariance = np.empty((count, dimension, dimension))
         for a in range(dimension):
-            for b in range(dimension):
-                covariance[:, a, b] = np.bincount(cluster, weight * away[:, a] * away[:, b], count) / total
+            covariance[:, a] = sums_by(cluster, away, count, weight * away[:, a]) / total[:, None]
         covariance += thickness_m**2 * np.eye(dimension)
         self.means = clusters.seeds + centre
         self.precisions = np.linalg.inv(STRETCH * covariance)
