@@ -1,6 +1,8 @@
 import hashlib
 import json
 import os
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -42,6 +44,25 @@ def test_the_file_gets_the_usual_rights_not_those_of_a_temporary_one(tmp_path):
     with atomic(path):
         pass
     assert os.stat(path).st_mode == os.stat(ordinary).st_mode
+
+
+def test_files_written_by_threads_leave_the_umask_as_it_was(tmp_path, monkeypatch):
+    set_umask = os.umask
+    before = set_umask(0o027)
+
+    def slowly(mask):
+        was = set_umask(mask)
+        time.sleep(0.05)
+        return was
+
+    monkeypatch.setattr(os, "umask", slowly)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            list(pool.map(lambda name: write_json(tmp_path / name, {}), "abcd"))
+        (tmp_path / "ordinary").touch()
+        assert {os.stat(path).st_mode & 0o777 for path in tmp_path.iterdir()} == {0o640}
+    finally:
+        set_umask(before)
 
 
 def test_links_to_nothing_to_themselves_and_odd_names(tmp_path):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,23 +17,17 @@ def atomic(path: str | os.PathLike) -> Iterator[Path]:
     """A temporary path beside `path`; it replaces `path` when the block ends well and is removed when it does not."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
+    temporary = path.parent / f".{path.stem}-{secrets.token_hex(4)}{path.suffix}"
+    temporary.touch(exist_ok=False)
+    rights = temporary.stat().st_mode  # the umask itself can't be read but by changing it, for all threads
     try:
         yield temporary
         with open(temporary, "r+b") as written:  # Windows refuses fsync of what is read alone
             os.fsync(written.fileno())
-        os.chmod(temporary, 0o666 & ~_umask())
+        os.chmod(temporary, rights)  # safetensors puts a file of its own in the place
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def copy_file(source: str | os.PathLike, target: str | os.PathLike) -> None:
