@@ -51,6 +51,11 @@ def test_3d_scans_without_poses_name_the_way_out(box, tmp_path, capsys):
         (["scans=broken.npz"], "broken.npz"),
         (["scans=room.npz", "exports=[ros"], "exports: expected [word,word,...], got '[ros'"),
         (["scans=room.npz", "device=gpu"], "device: expected cpu"),
+        (["scans=room.npz", "device=null"], "device: expected cpu, or cuda where there is one, got 'null'"),
+        (["scans=null"], "null: no such file or folder"),
+        (["scans=drive", "beam_origin=null"], "beam_origin: expected centre, hdl64 or three numbers in metres, got 'null'"),
+        (["scans=room.npz", "calibration=null"], "calibration: expected voxels or points, got 'null'"),
+        (["scans=room.npz", "every=null"], "every: expected int, got 'null'"),
         (["scans=${HOME}.npz"], "${HOME}.npz"),
         (["scans=???"], "???"),
         (["scans=[/2020]/x"], "[/2020]/x"),
@@ -64,6 +69,8 @@ def test_3d_scans_without_poses_name_the_way_out(box, tmp_path, capsys):
 )
 def test_what_is_wrong_is_said_and_leaves_nothing(words, said, room, tmp_path, monkeypatch, capsys):
     npz_of(room, tmp_path / "room.npz")
+    (tmp_path / "drive").mkdir()
+    npz_of(room, tmp_path / "drive" / "0.npz")
     (tmp_path / "broken.npz").write_bytes((tmp_path / "room.npz").read_bytes()[:300])
     monkeypatch.chdir(tmp_path)
     assert map_command.main([*words, "output=out"]) == 2

@@ -36,9 +36,11 @@ def settings_of(kind: type[T], words: list[str]) -> T:
             raise InputError(f"{key}: unknown key; expected one of {', '.join(part.name for part in dataclasses.fields(kind))}")
     schema, texts = OmegaConf.structured(kind), {}
     for word, key in zip(words, keys, strict=True):
-        text, typed = word.partition("=")[2], types_of(kind)[key].removesuffix(" | None")
+        text, whole = word.partition("=")[2], types_of(kind)[key]
+        typed = whole.removesuffix(" | None")
         if typed == "str":
-            texts[key] = None if text == "null" else text  # as it was typed: a path may hold what YAML and OmegaConf read as their own
+            unset = text == "null" and whole != typed
+            texts[key] = None if unset else text  # as it was typed: a path may hold what YAML and OmegaConf read as their own
             continue
         bare = typed.startswith("list[") and text not in ("", "null") and not text.startswith("[")
         if bare and typed == "list[str]":
