@@ -9,8 +9,9 @@ from hilbertvae.voxel_blocks import SIDE, NearVoxels, by_block, lattice_index, p
 
 
 @settings(max_examples=25)
-@given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.integers(0, 6), st.sampled_from([7, 10**6]), st.booleans())
-def test_near_voxels_are_those_of_a_brute_force_search(seed, dimension, reach, at_once, far):
+@given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3]), st.integers(0, 6), st.sampled_from([7, 10**6]), st.booleans(), st.booleans())
+def test_near_voxels_are_those_of_a_brute_force_search(seed, dimension, reach, at_once, far, small):
+    """Small blocks are those of which a reach spans several."""
     rng = np.random.default_rng(seed)
     resolution_m = 0.25
     edge = SIDE[dimension] * resolution_m
@@ -21,10 +22,12 @@ def test_near_voxels_are_those_of_a_brute_force_search(seed, dimension, reach, a
     patch = pytest.MonkeyPatch()
     with patch.context() as context:
         context.setattr(voxel_blocks, "POINTS_AT_ONCE", 2)
+        if small:
+            context.setitem(SIDE, dimension, 2)
         near = NearVoxels.of(points, resolution_m, reach * resolution_m if reach else None)
-    for blocks, portion in near.portions(at_once):
-        found += lattice_index(portion).tolist()
-        done.append(blocks)
+        for blocks, portion in near.portions(at_once):
+            found += lattice_index(portion).tolist()
+            done.append(blocks)
     steps = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * dimension), axis=-1).reshape(-1, dimension)
     expected = {tuple(index) for voxel in np.floor(points / resolution_m).astype(int) for index in (voxel + steps).tolist()}
     assert len(found) == len(expected) and set(map(tuple, found)) == expected
@@ -45,18 +48,20 @@ def test_every_row_is_in_the_block_of_its_key(dimension):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_a_padded_block_is_a_window_of_the_whole(dimension):
     side = SIDE[dimension]
-    whole = np.random.default_rng(0).random((3 * side,) * dimension)
-    blocks = {key: whole[tuple(slice(k * side, (k + 1) * side) for k in key)] for key in np.ndindex(*(3,) * dimension)}
+    whole = np.random.default_rng(0).random((4 * side,) * dimension)
+    blocks = {key: whole[tuple(slice(k * side, (k + 1) * side) for k in key)] for key in np.ndindex(*(4,) * dimension)}
     del blocks[(0,) * dimension]
     whole[(slice(0, side),) * dimension] = -1
-    np.testing.assert_array_equal(padded(blocks, (1,) * dimension, 3, 5, -1), whole[(slice(side - 3, 2 * side + 5),) * dimension])
+    for before, after in ((3, 5), (0, side), (side, side + 7)):
+        expected = whole[(slice(side - before, 2 * side + after),) * dimension]
+        np.testing.assert_array_equal(padded(blocks, (1,) * dimension, before, after, -1), expected)
 
 
 @pytest.mark.parametrize(
     ("points", "resolution_m", "reach_m", "named"),
     [
-        (np.zeros((1, 3)), 0.2, 7.0, "reach_m: expected at most 32 voxels"),
-        (np.zeros((1, 2)), 0.1, 26.0, "reach_m: expected at most 256 voxels"),
+        (np.zeros((1, 3)), 0.2, 26.0, "reach_m: expected at most 128 voxels"),
+        (np.zeros((1, 2)), 0.1, 103.0, "reach_m: expected at most 1024 voxels"),
         (np.zeros((1, 2)), 0.1, 0.0, "reach_m"),
         (np.zeros((1, 2)), np.nan, 1.0, "resolution_m"),
         (np.array([[0.0, 1e300]]), 0.1, 1.0, "outlier"),

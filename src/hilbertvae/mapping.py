@@ -40,7 +40,7 @@ from hilbertvae.reports.provenance import made_by
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from hilbertvae.scans.kitti import VELODYNE
 from hilbertvae.scans.scan import Scans
-from hilbertvae.voxel_blocks import SIDE
+from hilbertvae.voxel_blocks import longest_reach_m
 
 Say = Callable[[str], None]
 
@@ -105,7 +105,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
             warnings.warn(f"{settings.scans}: found {few}, too few for a network, so that nothing is filled in", stacklevel=2)
         clock.start("ask each cell")
         # Without grids a map says nothing beside what was seen, and asking there would take most of the time.
-        reach_m = min(REACH_M, SIDE[dimension] * fine_m) if settings.fill else None
+        reach_m = _reach_m(settings.scans, fine_m, dimension) if settings.fill else None
         cells = MapCells.sample(mapper, cloud.points, fine_m, reach_m, clock.share).coarser(resolution_m)
         del cloud
         if not len(cells):
@@ -138,6 +138,15 @@ def _read(settings: MapSettings) -> Scans | GivenMap:
         warnings.warn(f"{settings.scans}: all beams run at one height, so that the map is of two dimensions", stacklevel=3)
         return Scans(scans.points[:, :2], scans.origins[:, :2], scans.scan, scans.beam)
     return scans
+
+
+def _reach_m(scans: str, cell_m: float, dimension: int) -> float:
+    """How far from what was seen the map is asked, with a `UserWarning` where that is less than usual."""
+    reach_m = min(REACH_M, longest_reach_m(cell_m, dimension))
+    if reach_m < REACH_M:
+        wide = f"what is wider than {2 * reach_m:.3g} m stays open in its middle"
+        warnings.warn(f"{scans}: with cells of {cell_m:g} m gaps are filled up to {reach_m:.3g} m from what was seen; {wide}", stacklevel=3)
+    return reach_m
 
 
 def _ends(values: np.ndarray) -> tuple[float, float]:

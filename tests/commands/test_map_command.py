@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +19,11 @@ import hilbertvae
 from hilbertvae.commands import map as map_command
 from hilbertvae.commands import query as query_command
 from hilbertvae.exports.grid_npz import read_grid
+from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.mappers.weights import RankWeights
 from hilbertvae.mapping import MapSettings, make_map
 from hilbertvae.scans.formats import read_scans_path
+from hilbertvae.voxel_blocks import SIDE
 from toy_rooms import carmen_line, tiny_reconstructor, write_log
 
 
@@ -42,6 +45,25 @@ def test_everything_is_there(mapped):
     assert set(summary["files"]) == both | own == {path.name for path in output.iterdir()} - {"summary.json"}
     assert summary["points"]["returns"] == len(place.scans) and summary["points"]["scans"] == len(np.unique(place.scans.scan))
     assert set(summary["seconds"]) == {"read", "label points", "complete grids", "ask each cell", "write"}
+
+
+@pytest.mark.parametrize(("side", "reach_m"), [(256, 1.5), (4, 1.5), (2, 0.8)])
+def test_a_map_is_filled_as_far_as_usual_however_small_its_blocks_are_or_it_is_said(room, tmp_path, monkeypatch, side, reach_m):
+    """As those of fine cells are."""
+    monkeypatch.setitem(SIDE, 2, side)
+    asked, sample = [], MapCells.sample
+    monkeypatch.setattr(MapCells, "sample", lambda *given: asked.append(given[3]) or sample(*given))
+    settings = MapSettings(scans=str(npz_of(room, tmp_path / "room.npz")), output=str(tmp_path / "out"), exports=[])
+    settings.weights = str(tiny_reconstructor(2).save(tmp_path / "tiny.safetensors"))
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        make_map(settings)
+    assert asked == [pytest.approx(reach_m)]
+    said = [str(warning.message) for warning in told if "gaps are filled" in str(warning.message)]
+    if reach_m == 1.5:
+        assert not said
+    else:
+        assert "room.npz: with cells of 0.1 m gaps are filled up to 0.8 m from what was seen; what is wider than 1.6 m" in said[0]
 
 
 def test_the_summary_counts_the_cells(mapped):

@@ -59,7 +59,7 @@ def test_memory_of_a_site_of_100_m_stays_near_its_data():
     ("points", "reach_m", "predict", "named"),
     [
         (np.zeros((2, 2)), 1.0, lambda q: np.ones(len(q)), "points"),
-        (np.zeros((1, 3)), 7.0, lambda q: np.ones(len(q)), "reach_m"),
+        (np.zeros((1, 3)), 26.0, lambda q: np.ones(len(q)), "reach_m"),
         (np.zeros((1, 3)), 1.0, lambda q: np.ones((len(q), 2)), "predict"),
     ],
 )

@@ -172,7 +172,7 @@ def test_bad_cells_are_refused(changed, named):
 
 
 @pytest.mark.parametrize(("points", "reach_m", "named"), [(np.zeros((2, 4)), 1.5, "points"), (np.zeros((0, 2)), 1.5, "points"),
-                                                          (np.zeros((1, 3)), 9.0, "reach_m")])  # fmt: skip
+                                                          (np.zeros((1, 3)), 26.0, "reach_m")])  # fmt: skip
 def test_bad_requests_are_named(points, reach_m, named):
     with pytest.raises(InputError, match=named):
         MapCells.sample(Waves(), points, 0.2, reach_m)

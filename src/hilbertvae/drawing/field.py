@@ -34,7 +34,7 @@ class Field:
     def near(cls, predict: Predict, points: np.ndarray, resolution_m: float, reach_m: float = REACH_M) -> Field:
         """Ask at every voxel that is at most `reach_m` from a voxel of `points (N, 3)` along each axis.
 
-        predict: (Q, 3) metres -> (Q,) p(occupied). Raises `InputError` for points that are not 3D, or a reach of more than 32 voxels.
+        predict: (Q, 3) metres -> (Q,) p(occupied). Raises `InputError` for points that are not 3D, or a reach of more than 128 voxels.
         """
         check_points(points, "points", dimension=3)
         blocks: Blocks = {}

@@ -68,7 +68,7 @@ class MapCells:
         reach_m: 1.5 m, in 2D too, hold all of a gap of 2.5 m and nine tenths of one of 5 m; farther off, fewer guesses are right.
             None asks at the voxels of `points` alone, the only ones of which a map without grids says anything.
         progress: is told how many blocks are done, of how many.
-        Raises `InputError` for bad points, and for a reach of more than 256 voxels in 2D, 32 in 3D.
+        Raises `InputError` for bad points, and for a reach of more than 1024 voxels in 2D, 128 in 3D.
         """
         points = check_points(points)
         dimension = points.shape[1]
