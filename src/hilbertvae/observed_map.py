@@ -64,9 +64,11 @@ def cloud_of_cells(
 
 
 @dataclass(frozen=True)
-class _Header:
-    """What the YAML file says."""
+class RosHeader:
+    """What the YAML file of a map_server map says. path: that file; resolution_m: the side of a cell, metres; origin: the pose (x, y, yaw)
+    of the lower left corner, metres and radians."""
 
+    path: Path
     image: Path
     resolution_m: float
     origin: tuple[float, float, float]
@@ -100,10 +102,11 @@ def read_ros_map(path: str | os.PathLike, resolution_m: float | None = None) -> 
     resolution_m: see `cloud_of_cells`.
     Raises `InputError` for files that are missing or damaged, wrong keys, forged sizes, and a map without a known cell.
     """
-    path = Path(path)
-    if path.suffix.lower() not in (".yaml", ".yml"):
-        path = path.with_suffix(".yaml")
-    header = _header(path)
+    return ros_map_cloud(ros_map_header(path), resolution_m)
+
+
+def ros_map_cloud(header: RosHeader, resolution_m: float | None = None) -> Cloud:
+    """As `read_ros_map`, of the map whose YAML file was read before."""
     codes = _image_codes(header)
     row, column = np.nonzero(codes)
     if not len(row):
@@ -114,21 +117,18 @@ def read_ros_map(path: str | os.PathLike, resolution_m: float | None = None) -> 
     return cloud_of_cells(cell @ sides + np.array([x, y]), codes[row, column] > 0, header.resolution_m, resolution_m, sides)
 
 
-def ros_map_lattice(path: str | os.PathLike) -> tuple[float, tuple[float, float, float]]:
-    """The side of a map_server map's cells, metres, and the pose (x, y, yaw) of its lower left corner, metres and radians; raises
-    `InputError` as `read_ros_map` does."""
-    path = Path(path)
-    header = _header(path if path.suffix.lower() in (".yaml", ".yml") else path.with_suffix(".yaml"))
-    return header.resolution_m, header.origin
-
-
 def warn_of_filled(path: Path) -> None:
     """A `UserWarning` for a map of ours with predicted cells, where nothing tells these from observed ones once it is read."""
     seen = f"{path.stem}_observed{path.suffix}"
     warnings.warn(f"{path}: was filled before, and what was predicted is now taken as seen; {seen} has what was", stacklevel=3)
 
 
-def _header(path: Path) -> _Header:
+def ros_map_header(path: str | os.PathLike) -> RosHeader:
+    """The YAML file of a map_server map, or that beside its image, with a `UserWarning` if it was filled before; raises `InputError` as
+    `read_ros_map` does."""
+    path = Path(path)
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        path = path.with_suffix(".yaml")
     with reading(path, "a map_server YAML file"):
         if path.stat().st_size > MOST_YAML_BYTES:
             raise InputError(f"{path}: expected a map_server YAML file, which is short, got {path.stat().st_size} bytes")
@@ -155,7 +155,7 @@ def _header(path: Path) -> _Header:
     if not 0 <= free < occupied <= 1:
         raise InputError(f"{path}: expected 0 <= free_thresh < occupied_thresh <= 1, got {free} and {occupied}")
     pose = tuple(_number(path, "origin", value) for value in origin)
-    return _Header(path.parent / image, resolution, pose, bool(content["negate"]), occupied, free, mode)
+    return RosHeader(path, path.parent / image, resolution, pose, bool(content["negate"]), occupied, free, mode)
 
 
 def _number(path: Path, key: str, value) -> float:
@@ -174,7 +174,7 @@ def _said(value) -> str:
     return repr(str(value)[:60]) if isinstance(value, (str, int, float)) else f"a {type(value).__name__}"
 
 
-def _image_codes(header: _Header) -> np.ndarray:
+def _image_codes(header: RosHeader) -> np.ndarray:
     """(rows from the top, columns) int8."""
     with reading(header.image, "a PGM, PNG or BMP image"), warnings.catch_warnings():
         warnings.simplefilter("ignore", Image.DecompressionBombWarning)

@@ -1,5 +1,7 @@
 """What `write_ros_map` writes, read by Pillow, PyYAML and map_server's arithmetic alone, and by our own reader."""
 
+import warnings
+
 import numpy as np
 import pytest
 import yaml
@@ -10,6 +12,7 @@ from PIL import Image
 from hilbertvae.checks import InputError
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.ros_map import write_ros_map
+from hilbertvae.mappers.given_map import read_given_map
 from hilbertvae.observed_map import read_ros_map
 
 
@@ -50,7 +53,7 @@ def test_map_server_reads_each_cell_in_its_place(cells, tmp_path_factory):
         for name, part in (("map", np.ones(len(cells), bool)), ("map_observed", cells.observed)):
             found, content = loaded(folder / f"{name}.yaml")
             assert content["resolution"] == cells.resolution_m
-            assert content["hilbertvae_cells"] == ("observed" if name == "map_observed" else "all")
+            assert content["hilbertvae_cells"] == ("observed" if name == "map_observed" or cells.observed.all() else "all")
             expected = {}
             for index, p in zip(cells.index[part].tolist(), cells.probability[part].astype(float), strict=True):
                 label = 100 if p > 0.6 + 1e-6 else 0 if p < 0.4 + 1e-5 else -1
@@ -78,6 +81,20 @@ def test_our_reader_has_the_cells_again(cells, tmp_path_factory):
         index = np.floor(cloud.points / cells.resolution_m).astype(int)
         assert dict(zip(map(tuple, index.tolist()), cloud.occupied.tolist(), strict=True)) == expected
         np.testing.assert_allclose(cloud.points, (index + 0.5) * cells.resolution_m, atol=1e-6)
+
+
+def test_what_was_filled_is_told_once_when_it_is_read_and_what_was_not_is_not(tmp_path):
+    index, observed = np.array([[0, 0], [1, 0], [2, 0]]), np.array([True, True, False])
+    cells = MapCells(index, 0.1, np.array([0.1, 0.9, 0.9]), np.zeros(3), observed)
+    for name, part, filled in (("filled", cells, 1), ("filled_observed", cells, 0), ("seen", cells.select(observed), 0)):
+        write_ros_map(part, tmp_path / name.removesuffix("_observed"))
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            cloud = read_given_map(tmp_path / f"{name}.yaml").cloud(0.1)
+        assert len(cloud) == 2 + filled
+        assert [f"{name}_observed.yaml has what was" in str(warning.message) for warning in told] == [True] * filled
+    for name, other in (("seen", "seen_observed"), ("seen_observed", "seen")):
+        assert f"observed cells alone, as {other}.yaml" in (tmp_path / f"{name}.yaml").read_text().splitlines()[0]
 
 
 def test_rows_are_not_upside_down(tmp_path):

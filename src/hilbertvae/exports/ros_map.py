@@ -21,6 +21,7 @@ RAW_UNKNOWN = 255
 _HEADS = {
     "all": "# observed and predicted cells; {other} has the observed ones alone, on the same grid",
     "observed": "# observed cells alone; {other} has the predicted ones, too, on the same grid",
+    "nothing predicted": "# observed cells alone, as {other}, since nothing was predicted",
 }
 
 
@@ -28,7 +29,7 @@ def write_ros_map(cells: MapCells, path: str | os.PathLike, mode: str = "trinary
     """Write `<name>.yaml` and `<name>.pgm`, and `<name>_observed` of both with the observed cells alone; returns the four paths.
 
     path: `<name>.yaml`, `.pgm`, or the name alone. All pixels stand on one grid, so the pairs lie on each other. The key
-    `hilbertvae_cells`, which map_server passes over, says which pair a file is of, `all` or `observed`.
+    `hilbertvae_cells`, which map_server passes over, says what is in a pair, `all` or `observed`.
     mode: `trinary`, with occupied p > 0.6 and free p <= 0.4, or `raw`, with p in percent. A PGM in mode `scale` has no word for unknown.
     Raises `InputError` for a 3D map, which OctoMap's formats are for, an empty one, or an extent of more than 2^27 pixels.
     """
@@ -82,7 +83,8 @@ def _yaml(cells: MapCells, image: str, mode: str, kind: str, other: str) -> str:
         "negate": 0,
         "occupied_thresh": OCCUPIED_THRESH,
         "free_thresh": FREE_THRESH,
-        "hilbertvae_cells": kind,
+        "hilbertvae_cells": "observed" if cells.observed.all() else kind,
     }
+    head = _HEADS["nothing predicted" if cells.observed.all() else kind]
     lines = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, allow_unicode=True, width=1000)
-    return _HEADS[kind].format(other=" ".join(other.split())) + "\n" + lines
+    return head.format(other=" ".join(other.split())) + "\n" + lines

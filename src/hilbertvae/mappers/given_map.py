@@ -12,7 +12,7 @@ from pathlib import Path
 from hilbertvae.cloud import Cloud
 from hilbertvae.mappers.octomap_mapper import OCTREES, read_octree
 from hilbertvae.mappers.octree_cloud import octree_cloud
-from hilbertvae.observed_map import read_ros_map, ros_map_lattice
+from hilbertvae.observed_map import ros_map_cloud, ros_map_header
 from hilbertvae.scans.file_points import named
 
 ROS_MAPS = (".yaml", ".yml", ".pgm")
@@ -85,5 +85,5 @@ def _octree(path: str | os.PathLike) -> GivenMap:
 
 
 def _ros_map(path: str | os.PathLike) -> GivenMap:
-    cell_m, corner = ros_map_lattice(path)
-    return GivenMap(2, cell_m, lambda resolution_m: read_ros_map(path, resolution_m), corner)
+    header = ros_map_header(path)
+    return GivenMap(2, header.resolution_m, lambda resolution_m: ros_map_cloud(header, resolution_m), header.origin)
