@@ -71,7 +71,8 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     clock.start("read")
     source = _read(settings)
     exports = suiting_exports(settings.exports, source.dimension)
-    check_output(output, Path(settings.scans), exports, by_name=not settings.output)
+    beside = source.files if isinstance(source, GivenMap) else ()
+    check_output(output, Path(settings.scans), exports, by_name=not settings.output, beside=beside)
     weights = settings.weights or f"{source.dimension}d"
     chosen = {name: getattr(settings, name) for name in ("fill", "adapt_steps", "calibration")}
     mapper = (mapper or load_mapper(weights)).set_params(**chosen, device=settings.device)

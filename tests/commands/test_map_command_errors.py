@@ -168,6 +168,25 @@ def test_an_earlier_map_that_is_read_is_not_taken_away(room, tmp_path, capsys):
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
+def test_the_image_of_the_map_that_is_filled_is_not_replaced(room, tmp_path, capsys):
+    out = make_map(MapSettings(scans=str(npz_of(room, tmp_path / "room.npz")), output=str(tmp_path / "out"), fill=False))
+    (out / "plan.yaml").write_bytes((out / "map.yaml").read_bytes())
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert map_command.main([f"scans={out / 'plan.yaml'}", f"output={out}", "fill=off"]) == 2
+    assert f"output: {out / 'map.pgm'} is what is read" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+@pytest.mark.parametrize("name", ["points.npz", "mesh.npz"])
+def test_scans_that_no_file_of_a_map_would_replace_may_lie_beside_it(room, tmp_path, name):
+    """Their names up to the ending don't count, in the first run and in the next."""
+    scans = npz_of(room, tmp_path / name)
+    before = scans.read_bytes()
+    for _ in range(2):
+        assert map_command.main([f"scans={scans}", f"output={tmp_path}", "fill=off", "exports=points,ot"]) == 0
+    assert scans.read_bytes() == before and (tmp_path / "points.ply").exists()
+
+
 def test_no_map_is_laid_among_the_scans(room, tmp_path, capsys):
     drive = tmp_path / "drive"
     drive.mkdir()

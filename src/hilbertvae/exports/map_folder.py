@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -47,14 +47,15 @@ def check_writable(output: Path) -> None:
         raise InputError(f"output: {there} can't be written")
 
 
-def check_output(output: Path, scans: Path, exports: list[str], by_name: bool) -> None:
-    """An `InputError` where writing would replace what is no earlier map of this command, or the very scans; in a folder that was not
-    chosen but named after the scans, `by_name`, also where the earlier map is of others."""
+def check_output(output: Path, scans: Path, exports: list[str], by_name: bool, beside: Sequence[Path] = ()) -> None:
+    """An `InputError` where writing would replace what is no earlier map of this command, or the very scans and what is read `beside` them;
+    in a folder that was not chosen but named after the scans, `by_name`, also where the earlier map is of others."""
     written = {MAP, PICTURE, PAGE, SUMMARY, *(name for kind in exports for name in EXPORTS[kind].files)}
     there = {name for name in written if (output / name).exists()}
     earlier = listed_files(output)
-    if scans.parent.resolve() == output.resolve() and scans.stem in {Path(name).stem for name in there | earlier}:
-        raise InputError(f"output: {scans} is what is read, and would be replaced or removed; choose another folder")
+    for read in (scans, *beside):
+        if read.parent.resolve() == output.resolve() and read.name in there | earlier:
+            raise InputError(f"output: {read} is what is read, and would be replaced or removed; choose another folder")
     for name in sorted(there - earlier - ({SUMMARY} if earlier else set())):
         raise InputError(f"output: {output / name} was not left by an earlier map, and would be replaced; choose another folder")
     if by_name and earlier and json_object(output / SUMMARY).get("scans_hash") not in (None, scans_hash(scans)):

@@ -25,12 +25,13 @@ ON_LATTICE = 0.01
 @dataclass(frozen=True)
 class GivenMap:
     """dimension: 2 or 3; cell_m: the side of its cells, metres. cloud(resolution_m): its known cells as labelled points, for a mapper
-    of such voxels. corner: the pose (x, y, yaw) of a ROS map's lower left corner, metres and radians; an OctoMap has none, since its cells
-    count from (0, 0, 0), as those of maps that are written do."""
+    of such voxels. files: what it is read from. corner: the pose (x, y, yaw) of a ROS map's lower left corner, metres and radians; an
+    OctoMap has none, since its cells count from (0, 0, 0), as those of maps that are written do."""
 
     dimension: int
     cell_m: float
     cloud: Callable[[float], Cloud]
+    files: tuple[Path, ...]
     corner: tuple[float, float, float] | None = None
 
 
@@ -81,9 +82,10 @@ def _octree(path: str | os.PathLike) -> GivenMap:
         with named(path):
             return octree_cloud(mapper, resolution_m)
 
-    return GivenMap(len(mapper.shift_), mapper.resolution_, cloud)
+    return GivenMap(len(mapper.shift_), mapper.resolution_, cloud, (Path(path),))
 
 
 def _ros_map(path: str | os.PathLike) -> GivenMap:
     header = ros_map_header(path)
-    return GivenMap(2, header.resolution_m, lambda resolution_m: ros_map_cloud(header, resolution_m), header.origin)
+    files = (header.path, header.image)
+    return GivenMap(2, header.resolution_m, lambda resolution_m: ros_map_cloud(header, resolution_m), files, header.origin)
