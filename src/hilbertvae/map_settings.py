@@ -25,10 +25,11 @@ class MapSettings(ReadingSettings):
     resolution_m: float | None = None
     """Side of the map's cells; the network's own (0.1 in 2D, 0.2 in 3D), or that of a map to be filled, unless given."""
     fill: bool = True
-    """`off` gives the observed map alone."""
+    """`off` gives the observed map alone, to which no more scans can be added."""
     adapt_steps: int = 0
     """For how many steps the network first learns from the scans themselves, from gaps cut for that; 50 bring most of what there is to
-    gain, in seconds to half a minute in 2D, by processor."""
+    gain, in seconds to half a minute in 2D, by processor. That network is written as `adapted.safetensors`: keep it beside the map, which
+    needs it to grow."""
     calibration: str = "voxels"
     """What the map is made for. `voxels`: a probability is the share of cells that are occupied. `points`: the cut of 0.6 finds most
     of what beams would hit. It fills in more than twice as much, and more of that is wrong (a street's gaps, by cells: recall 84 %

@@ -33,7 +33,7 @@ from hilbertvae.files import write_json
 from hilbertvae.map_settings import FLAT_M, MapSettings
 from hilbertvae.mappers.given_map import GivenMap, is_given_map, read_given_map, warn_of_moved_walls
 from hilbertvae.mappers.loading import load_mapper
-from hilbertvae.mappers.saved_map import save_map
+from hilbertvae.mappers.saved_map import ADAPTED, save_map
 from hilbertvae.mappers.weights import check_calibration
 from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reports.provenance import made_by
@@ -113,6 +113,8 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
             raise InputError(f"{settings.scans}: expected scans that show something, got none")
         clock.start("write")
         save_map(mapper, folder / MAP)
+        if mapper.adapted_:
+            mapper.adapted_.save(folder / ADAPTED)
         del mapper
         write_exports(exports, cells, folder, asked_for=settings.exports is not None)
         write_picture(cells, folder / PICTURE, name)

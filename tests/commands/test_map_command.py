@@ -161,6 +161,19 @@ def test_the_network_may_learn_from_the_scans_first(mapped, tmp_path):
     assert json.loads((learned / "summary.json").read_text())["adapt_steps"] == 1
 
 
+def test_a_map_whose_network_learned_grows_with_what_lies_beside_it(room, tmp_path):
+    settings = MapSettings(scans=str(npz_of(room, tmp_path / "room.npz")), output=str(tmp_path / "out"), adapt_steps=1, exports=[])
+    settings.weights = str(tiny_reconstructor(2).save(tmp_path / "tiny.safetensors"))
+    output, part = make_map(settings), room.fit.select(slice(200))
+    assert "adapted.safetensors" in json.loads((output / "summary.json").read_text())["files"]
+    grown = hilbertvae.load_map(output / "map.safetensors").partial_fit(part.points, part.occupied, part.weight)
+    given = hilbertvae.load_map(output / "map.safetensors", checkpoint=output / "adapted.safetensors")
+    given.partial_fit(part.points, part.occupied, part.weight)
+    np.testing.assert_array_equal(grown.predict_proba(room.fit.points), given.predict_proba(room.fit.points))
+    settings.adapt_steps = 0
+    assert not (make_map(settings) / "adapted.safetensors").exists()
+
+
 def test_the_calibration_is_the_user_s(room, tmp_path):
     scans, network = npz_of(room, tmp_path / "room.npz"), tiny_reconstructor()
     for reading, constant in (("voxels", -1.0), ("points", 1.0)):

@@ -11,10 +11,11 @@ from pathlib import Path
 from hilbertvae.checks import InputError
 from hilbertvae.exports.formats import EXPORTS
 from hilbertvae.files import hash_of, json_object, write_json
+from hilbertvae.mappers.saved_map import ADAPTED
 from hilbertvae.signals import not_stopped
 
 MAP, PICTURE, PAGE, SUMMARY = "map.safetensors", "map.png", "summary.html", "summary.json"
-OURS = {MAP, PICTURE, PAGE, *(name for kind in EXPORTS.values() for name in kind.files)}
+OURS = {MAP, ADAPTED, PICTURE, PAGE, *(name for kind in EXPORTS.values() for name in kind.files)}
 """What may be in such a folder, but for the summary."""
 
 
@@ -50,7 +51,7 @@ def check_writable(output: Path) -> None:
 def check_output(output: Path, scans: Path, exports: list[str], by_name: bool, beside: Sequence[Path] = ()) -> None:
     """An `InputError` where writing would replace what is no earlier map of this command, or the very scans and what is read `beside` them;
     in a folder that was not chosen but named after the scans, `by_name`, also where the earlier map is of others."""
-    written = {MAP, PICTURE, PAGE, SUMMARY, *(name for kind in exports for name in EXPORTS[kind].files)}
+    written = {MAP, ADAPTED, PICTURE, PAGE, SUMMARY, *(name for kind in exports for name in EXPORTS[kind].files)}
     there = {name for name in written if (output / name).exists()}
     earlier = listed_files(output)
     for read in (scans, *beside):

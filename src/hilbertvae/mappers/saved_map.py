@@ -29,6 +29,8 @@ PACKED = ("grids", "known")
 """Three quarters of the bytes in 3D, and more in 2D."""
 SETTINGS = ("weights", "calibration", "neighbours", "inner_radius_m", "flips", "evidence", "fill", "ridge", "resolution_m", "seed")
 """Of the mapper's own; its network is known by a fingerprint, and a device belongs to a machine."""
+ADAPTED = "adapted.safetensors"
+"""Beside a map: the network that learned from its site."""
 LARGEST_SCALE = 4.0
 """Times the diameter of a cluster: no frame makes a larger box."""
 
@@ -37,8 +39,9 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
     """Write a fitted mapper as one file that `load_map` reads back, to the bit.
 
     It holds grids and evidence, and not the network, of which a fingerprint is enough for those that come with the package. One that
-    learned from the site (`adapt_steps`) is not: `mapper.adapted_.save(path)` keeps it, for a map that is to grow later. What the cells of
-    grids hold is packed. Raises `InputError` for any other mapper.
+    learned from the site (`adapt_steps`) is not: `mapper.adapted_.save(path)` keeps it, for a map that is to grow later, and `load_map`
+    finds it if it is `adapted.safetensors` beside the map. What the cells of grids hold is packed. Raises `InputError` for any other
+    mapper.
     """
     if not isinstance(mapper, HilbertMap):
         raise InputError(f"{path}: expected a HilbertMap to save, got {type(mapper).__name__}")
@@ -78,8 +81,9 @@ def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = Non
     """The fitted mapper that `save_map` wrote: it answers as the saved one did, to the bit, and needs no network for that. An OctoMap's
     `.ot` or `.bt` is read as the mapper that it is.
 
-    checkpoint: the network that it was made with, for `partial_fit` and `fit`; it is looked for among those that come with the package
-    unless given, and only when it is needed. Raises `InputError` for a file that is missing, damaged or not ours.
+    checkpoint: the network that it was made with, for `partial_fit` and `fit`; unless given, it is looked for among those that come with
+    the package and in `adapted.safetensors` beside the map, and only when it is needed. Raises `InputError` for a file that is missing,
+    damaged or not ours.
     """
     path = Path(path)
     if not path.is_file():
@@ -93,7 +97,10 @@ def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = Non
             if found != FORMAT:
                 raise InputError(_another(found))
             arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)
-        return _restored(json.loads(metadata["settings"]), arrays, checkpoint, device)
+        described = json.loads(metadata["settings"])
+        fingerprint = described["network"]
+        network = None if fingerprint is None else RecordedNetwork(str(fingerprint), checkpoint, path.parent / ADAPTED)
+        return _restored(described, arrays, network, device)
     except (SafetensorError, OSError) as error:
         raise InputError(f"{path}: not a map of hilbertvae, or damaged ({error}); expected a file that save_map wrote") from error
     except InputError as error:
@@ -110,12 +117,11 @@ def _another(found: str) -> str:
     return f"a safetensors file, but not a map of hilbertvae (format {found[:40]!r}, expected {FORMAT!r})"
 
 
-def _restored(described: dict, arrays: dict[str, np.ndarray], checkpoint: str | os.PathLike | None, device: str) -> HilbertMap:
+def _restored(described: dict, arrays: dict[str, np.ndarray], network: RecordedNetwork | None, device: str) -> HilbertMap:
     settings = dict(described["mapper"])
     own_grid = settings.pop("grid")
     if set(settings) != set(SETTINGS):
         raise InputError(f"settings: expected {', '.join(SETTINGS)}, got {', '.join(sorted(settings))[:200]}")
-    network = None if described["network"] is None else RecordedNetwork(str(described["network"]), checkpoint)
     mapper = HilbertMap(network, **settings, grid=None if own_grid is None else GridSettings.from_plain(own_grid), device=device)
     dimension = described["dimension"]
     if dimension not in (2, 3) or not isinstance(dimension, int):

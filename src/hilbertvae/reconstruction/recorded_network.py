@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -14,26 +15,29 @@ from hilbertvae.reconstruction.shipped import SHIPPED
 
 
 class RecordedNetwork:
-    """Stands for the `Reconstructor` with a fingerprint: that in `checkpoint`, or one of those that come with the package.
+    """Stands for the `Reconstructor` with a fingerprint: that in `checkpoint`; unless that is given, one of those that come with the
+    package, or that in the file `beside` the map, if there is one.
 
     Raises `InputError` when it is needed and there is none, or when the checkpoint holds another one.
     """
 
-    def __init__(self, fingerprint: str, checkpoint: str | os.PathLike | None = None):
-        self._fingerprint, self._checkpoint = fingerprint, checkpoint
+    def __init__(self, fingerprint: str, checkpoint: str | os.PathLike | None = None, beside: Path | None = None):
+        self._fingerprint, self._checkpoint, self._beside = fingerprint, checkpoint, beside
 
     @cached_property
     def found(self) -> Reconstructor:
         """The network itself."""
-        for name in [self._checkpoint] if self._checkpoint is not None else SHIPPED:
+        beside = [self._beside] if self._beside and self._beside.is_file() else []
+        for name in [self._checkpoint] if self._checkpoint is not None else [*SHIPPED, *beside]:
             network = Reconstructor.load(name)
             if network.fingerprint() == self._fingerprint:
                 return network
         if self._checkpoint is not None:
             raise InputError(f"{self._checkpoint}: expected the network that the map was made with, got another one")
         raise InputError(
-            "the map was made with a network that does not come with this version of hilbertvae; to go on with it, give its file: "
-            "load_map(path, checkpoint=...)"
+            "the map was made with a network that does not come with this version of hilbertvae"
+            + (f", and is not in {self._beside}" if self._beside else "")
+            + "; to go on with it, give its file: load_map(path, checkpoint=...)"
         )
 
     def fingerprint(self) -> str:
