@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError, check_cell_m, check_whole
-from hilbertvae.cloud import fit_cloud
+from hilbertvae.cloud import Cloud, fit_cloud
 from hilbertvae.exports.formats import check_names, suiting_exports, write_exports
 from hilbertvae.exports.map_cells import REACH_M, MapCells
 from hilbertvae.exports.map_folder import (
@@ -32,6 +32,7 @@ from hilbertvae.exports.summary import map_summary, point_counts, summary_tables
 from hilbertvae.files import write_json
 from hilbertvae.map_settings import FLAT_M, MapSettings
 from hilbertvae.mappers.given_map import GivenMap, is_given_map, read_given_map, warn_of_moved_walls
+from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.saved_map import ADAPTED, save_map
 from hilbertvae.mappers.weights import check_calibration
@@ -51,22 +52,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     Files are written beside their places and moved there together at the end, so that what fails leaves nothing. Raises `InputError`
     for what can't be read or mapped, and `OSError` where the folder can't be written.
     """
-    if not settings.scans:
-        raise InputError("scans: expected a file or a folder of scans, got none; give scans=<path>")
-    if settings.resolution_m is not None:
-        check_cell_m(settings.resolution_m, "resolution_m")
-    check_names(settings.exports)
-    check_device(settings.device)
-    check_calibration(settings.calibration)
-    if check_whole(settings.adapt_steps, "adapt_steps") and not settings.fill:
-        raise InputError("adapt_steps: expected 0 with fill=off, where no network is asked")
-    mapper = load_mapper(settings.weights) if settings.weights else None  # before the scans, which may take long
-    name = Path(settings.scans).resolve().name
-    output = Path(settings.output or Path("outputs/maps") / name)
-    name = name.encode("utf-8", "replace").decode()  # a name of another encoding can't be drawn or written
-    if output.resolve() in (Path(settings.scans).resolve(), (Path(settings.scans) / VELODYNE).resolve()):
-        raise InputError(f"output: {output} is the folder that is read, where a map would lie among the scans; choose another")
-    check_writable(output)
+    mapper, output = _checked(settings)
     clock = Clock(say)
     clock.start("read")
     source = _read(settings)
@@ -88,15 +74,8 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
 
     with writing_beside(output) as folder:
         clock.start("label points")
-        try:
-            cloud = source.cloud(fine_m) if isinstance(source, GivenMap) else fit_cloud(source, fine_m)
-        except InputError as error:
-            raise InputError(f"{settings.scans}: {error}") from error
-        points = point_counts(cloud, source if isinstance(source, Scans) else None)
-        dimension = source.dimension
-        if cloud.occupied.all() or not cloud.occupied.any():
-            found = "occupied" if cloud.occupied.any() else "free"
-            raise InputError(f"{settings.scans}: expected free and occupied space, found {found} space alone")
+        cloud = _labelled(settings.scans, source, fine_m)
+        points, dimension = point_counts(cloud, source if isinstance(source, Scans) else None), source.dimension
         del source  # a long drive's returns take much of the memory
         clock.start("complete grids" if settings.fill else "gather evidence")
         mapper.progress = clock.share
@@ -116,16 +95,30 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         if mapper.adapted_:
             mapper.adapted_.save(folder / ADAPTED)
         del mapper
-        write_exports(exports, cells, folder, asked_for=settings.exports is not None)
-        write_picture(cells, folder / PICTURE, name)
-        clock.stop()
-        summary = map_summary(name, points, cells)
-        summary |= {"weights": Path(weights).name, **chosen, "seconds": clock.seconds}
-        write_page(cells, folder / PAGE, name, summary_tables(summary))
-        files = sorted(file.name for file in folder.iterdir())
-        write_json(folder / SUMMARY, {**summary, "scans_hash": scans_hash(Path(settings.scans)), "files": files, **made_by()})
+        about = {"weights": Path(weights).name, **chosen}
+        files = _write(settings, exports, cells, points, about, folder, clock)
         replace_map(folder, output, files)
     return output
+
+
+def _checked(settings: MapSettings) -> tuple[HilbertMap | None, Path]:
+    """The mapper of the network that was given, if one was, since scans may take long to read; and the folder to write to."""
+    if not settings.scans:
+        raise InputError("scans: expected a file or a folder of scans, got none; give scans=<path>")
+    if settings.resolution_m is not None:
+        check_cell_m(settings.resolution_m, "resolution_m")
+    check_names(settings.exports)
+    check_device(settings.device)
+    check_calibration(settings.calibration)
+    if check_whole(settings.adapt_steps, "adapt_steps") and not settings.fill:
+        raise InputError("adapt_steps: expected 0 with fill=off, where no network is asked")
+    mapper = load_mapper(settings.weights) if settings.weights else None
+    scans = Path(settings.scans)
+    output = Path(settings.output or Path("outputs/maps") / scans.resolve().name)
+    if output.resolve() in (scans.resolve(), (scans / VELODYNE).resolve()):
+        raise InputError(f"output: {output} is the folder that is read, where a map would lie among the scans; choose another")
+    check_writable(output)
+    return mapper, output
 
 
 def _read(settings: MapSettings) -> Scans | GivenMap:
@@ -143,6 +136,18 @@ def _read(settings: MapSettings) -> Scans | GivenMap:
     return scans
 
 
+def _labelled(scans: str, source: Scans | GivenMap, cell_m: float) -> Cloud:
+    """The points that a map of such cells is fitted to."""
+    try:
+        cloud = source.cloud(cell_m) if isinstance(source, GivenMap) else fit_cloud(source, cell_m)
+    except InputError as error:
+        raise InputError(f"{scans}: {error}") from error
+    if cloud.occupied.all() or not cloud.occupied.any():
+        found = "occupied" if cloud.occupied.any() else "free"
+        raise InputError(f"{scans}: expected free and occupied space, found {found} space alone")
+    return cloud
+
+
 def _reach_m(scans: str, cell_m: float, dimension: int) -> float:
     """How far from what was seen the map is asked, with a `UserWarning` where that is less than usual."""
     reach_m = min(REACH_M, longest_reach_m(cell_m, dimension))
@@ -150,6 +155,19 @@ def _reach_m(scans: str, cell_m: float, dimension: int) -> float:
         wide = f"what is wider than {2 * reach_m:.3g} m stays open in its middle"
         warnings.warn(f"{scans}: with cells of {cell_m:g} m gaps are filled up to {reach_m:.3g} m from what was seen; {wide}", stacklevel=3)
     return reach_m
+
+
+def _write(settings: MapSettings, exports: list[str], cells: MapCells, points: dict, about: dict, folder: Path, clock: Clock) -> list[str]:
+    """Write everything but the map itself, and end the clock; the names of all files but the summary's."""
+    name = Path(settings.scans).resolve().name.encode("utf-8", "replace").decode()  # one of another encoding can't be drawn or written
+    write_exports(exports, cells, folder, asked_for=settings.exports is not None)
+    write_picture(cells, folder / PICTURE, name)
+    clock.stop()
+    summary = {**map_summary(name, points, cells), **about, "seconds": clock.seconds}
+    write_page(cells, folder / PAGE, name, summary_tables(summary))
+    files = sorted(file.name for file in folder.iterdir())
+    write_json(folder / SUMMARY, {**summary, "scans_hash": scans_hash(Path(settings.scans)), "files": files, **made_by()})
+    return files
 
 
 def _ends(values: np.ndarray) -> tuple[float, float]:
