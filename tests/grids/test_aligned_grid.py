@@ -15,7 +15,6 @@ from hilbertvae.grids.aligned_grid import (
     bin_points,
     cell_index,
     count_code,
-    share,
     vote,
 )
 from hilbertvae.grids.frame import Frames
@@ -96,12 +95,6 @@ def test_votes_cell_by_cell():
     assert vote(hits, frees).tolist() == [[UNKNOWN, OCCUPIED, OCCUPIED, FREE, OCCUPIED, FREE, FREE, FREE]]  # the tie goes to occupied
     assert vote(hits, frees, 0.15).tolist() == [[UNKNOWN, OCCUPIED, OCCUPIED, OCCUPIED, OCCUPIED, FREE, OCCUPIED, OCCUPIED]]
     assert vote(hits, frees).dtype == np.int8
-
-
-def test_share_cell_by_cell():
-    hits, frees = np.array([0.0, 0.0, 5.0, 1.0, 0.25]), np.array([0.0, 2.0, 0.0, 1.0, 0.25])
-    assert share(hits, frees).tolist() == [0, 1, 255, 128, 128]
-    assert share(hits, frees).dtype == np.uint8
 
 
 @settings(max_examples=20)

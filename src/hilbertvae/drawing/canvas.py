@@ -105,7 +105,7 @@ def outline_gaps(
             )  # fmt: skip
 
 
-def outline_cells(axes: Axes, chosen: np.ndarray, linewidth: float = 1.0) -> None:
+def outline_cells(axes: Axes, chosen: np.ndarray) -> None:
     """A line around the cells of an image that are `chosen` (rows, columns) bool, along their edges.
 
     Slivers of one or two cells' width are left out: those are cells that only a held-out beam saw, not a gap.
@@ -116,7 +116,7 @@ def outline_cells(axes: Axes, chosen: np.ndarray, linewidth: float = 1.0) -> Non
     below, left = np.argwhere(padded[1:] != padded[:-1]), np.argwhere(padded[:, 1:] != padded[:, :-1])
     starts = np.concatenate([below[:, ::-1] + [-1.5, -0.5], left[:, ::-1] + [-0.5, -1.5]])
     along = np.repeat([[1.0, 0.0], [0.0, 1.0]], [len(below), len(left)], axis=0)
-    axes.add_collection(LineCollection(np.stack([starts, starts + along], axis=1), colors=GAP_COLOUR, linewidths=linewidth, zorder=5))
+    axes.add_collection(LineCollection(np.stack([starts, starts + along], axis=1), colors=GAP_COLOUR, linewidths=1.0, zorder=5))
 
 
 def probability_bar(figure, image: AxesImage, axes, **where) -> None:

@@ -29,16 +29,15 @@ def write_mesh_ply(cells: MapCells, path: str | os.PathLike) -> Path:
     return write_ply(path, surface, surface_colours(surface))
 
 
-def cells_surface(cells: MapCells, cut: float = OCCUPIED_ABOVE) -> Surface:
-    """The closed surface around the cells with p > `cut`; what is not among the cells is unknown, p = 0.5."""
+def cells_surface(cells: MapCells) -> Surface:
+    """The closed surface around the occupied cells; what is not among the cells is unknown, p = 0.5."""
     if cells.dimension != 3:
         raise InputError("cells: a mesh is of a 3D map, got a 2D map")
-    occupied = cells.probability > np.float32(cut)
-    blocks = {key: np.full((BLOCK,) * 3, UNKNOWN, np.float32) for key in sorted(_touched(cells.index[occupied]))}
+    blocks = {key: np.full((BLOCK,) * 3, UNKNOWN, np.float32) for key in sorted(_touched(cells.index[cells.occupied]))}
     for key, rows in by_block(cells.index):
         if key in blocks:
             blocks[key][tuple((cells.index[rows] % BLOCK).T)] = cells.probability[rows]
-    return field_surface(Field(blocks, cells.resolution_m), cells.select(occupied & cells.observed).centres, cut)
+    return field_surface(Field(blocks, cells.resolution_m), cells.select(cells.occupied & cells.observed).centres, OCCUPIED_ABOVE)
 
 
 def _touched(index: np.ndarray) -> set[tuple[int, ...]]:

@@ -11,15 +11,14 @@ from hilbertvae.checks import InputError, how_to_install
 from hilbertvae.exports.cell_colours import cell_colours
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.files import atomic
-from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
 
 
-def write_rerun(cells: MapCells, path: str | os.PathLike, colour: str = "probability", above: float = OCCUPIED_ABOVE) -> Path:
-    """Write cells with p > `above` as points, the entities `map/observed` and `map/predicted`, each with `probability` and `std`.
+def write_rerun(cells: MapCells, path: str | os.PathLike) -> Path:
+    """Write the occupied cells as points, the entities `map/observed` and `map/predicted`, each with `probability` and `std`.
 
     Rerun's coordinates are float32: they count from the corner of the map in whole metres, which is `map`'s value `origin_m`, (0, 0, 0)
     for a map within a kilometre of the origin. A 2D map lies at z = 0.
-    colour: see `cell_colours`. above: occupied cells unless given. Raises `InputError` where rerun-sdk is not installed.
+    Raises `InputError` where rerun-sdk is not installed.
     """
     path = Path(path)
     if path.suffix != ".rrd":
@@ -28,8 +27,8 @@ def write_rerun(cells: MapCells, path: str | os.PathLike, colour: str = "probabi
         import rerun
     except ImportError as error:
         raise InputError(f"{path}: needs the extra 'rerun', which is not installed: {how_to_install('rerun')}") from error
-    chosen = cells.select(cells.probability > np.float32(above))
-    colours = cell_colours(chosen, colour)
+    chosen = cells.select(cells.occupied)
+    colours = cell_colours(chosen)
     places = np.zeros((len(chosen), 3))
     places[:, : chosen.dimension] = chosen.centres
     origin_m = np.zeros(3)

@@ -152,9 +152,3 @@ def vote(hits: np.ndarray, frees: np.ndarray, occupied_share: float = 0.5) -> np
 def count_code(votes: np.ndarray) -> np.ndarray:
     """int8 codes of counts, finer where few votes tell more: round(12 log(1 + votes)), at most 127, from 39 000 votes on."""
     return np.minimum(np.round(COUNT_STEPS * np.log1p(votes)), 127).astype(np.int8)
-
-
-def share(hits: np.ndarray, frees: np.ndarray) -> np.ndarray:
-    """uint8 grids of the occupied share (the paper's footnote 1): 0 unknown, else 1 + round(254 hits / votes)."""
-    total = hits + frees
-    return np.where(total == 0, 0, 1 + np.round(254 * hits / np.maximum(total, 1e-9))).astype(np.uint8)

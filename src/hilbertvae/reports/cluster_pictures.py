@@ -52,22 +52,19 @@ def fullest_layer(target: np.ndarray) -> int | None:
     return int((target == OCCUPIED).sum(axis=(0, 1)).argmax()) if target.ndim == 3 else None
 
 
-def pipeline_picture(
-    cloud: Cloud, reconstructor: Reconstructor, whole: Cloud | None = None, cluster: int | None = None, seed: int = 0
-) -> Figure:
+def pipeline_picture(cloud: Cloud, reconstructor: Reconstructor, whole: Cloud | None = None, seed: int = 0) -> Figure:
     """Fig. 3: the cloud with one cluster selected, the cluster, its aligned grid, its reconstruction and, with `whole`, the truth.
 
-    cloud: what the mapper is given (`gaps.cut(site.fit)` for one with gaps). cluster: its number; unless given, the one with the
-    most occupied cells, or with `whole` the one from which the most were cut. In 3D all panels show one layer of that grid.
+    cloud: what the mapper is given (`gaps.cut(site.fit)` for one with gaps). The cluster is the one with the most occupied
+    cells, or with `whole` the one from which the most were cut. In 3D all panels show one layer of that grid.
     """
     settings = reconstructor.grid
     frames = find_frames(cloud, settings, seed)
     grids = bin_shown(cloud, frames, settings, reconstructor.detailed)
     shown = labels_of(grids, reconstructor.dimension)
     target = bin_grids(whole, frames, settings) if whole is not None else shown
-    if cluster is None:
-        telling = (target == OCCUPIED) & (shown == UNKNOWN) if whole is not None else shown == OCCUPIED
-        cluster = int(telling.reshape(len(shown), -1).sum(axis=1).argmax())
+    telling = (target == OCCUPIED) & (shown == UNKNOWN) if whole is not None else shown == OCCUPIED
+    cluster = int(telling.reshape(len(shown), -1).sum(axis=1).argmax())
     layer = fullest_layer(target[cluster])
     values = reconstructor.reconstruct(grids[[cluster]])[0]
     probability = kernel_probability(values, reconstructor.likelihood.kind)

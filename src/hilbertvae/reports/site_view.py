@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
-from hilbertvae.drawing.field import REACH_M, Field
+from hilbertvae.drawing.field import Field
 from hilbertvae.gaps import INSIDE, Gaps
 from hilbertvae.ground import ABOVE_GROUND_M, Ground
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE, Mapper
@@ -58,12 +58,12 @@ class SiteView:
     """As `map`, by a mapper whose weights are calibrated for points (the paper's reading), if there is one."""
 
     @classmethod
-    def draw(cls, site: Site, gaps: Gaps, mapper: Mapper, by_points: Mapper | None = None, reach_m: float = REACH_M) -> SiteView:
-        """Ask a mapper, already fitted on `gaps.cut(site.fit)`, at each voxel at most `reach_m` from that cloud; `by_points`, too."""
+    def draw(cls, site: Site, gaps: Gaps, mapper: Mapper, by_points: Mapper | None = None) -> SiteView:
+        """Ask a mapper, already fitted on `gaps.cut(site.fit)`, at each voxel near that cloud; `by_points`, too."""
         cloud = gaps.cut(site.fit)
 
         def field(mapper: Mapper) -> Field:
-            return Field.near(mapper.predict_map, cloud.points, site.resolution_m, reach_m)
+            return Field.near(mapper.predict_map, cloud.points, site.resolution_m)
 
         def voxels(centres: np.ndarray, probability: np.ndarray | None = None) -> Voxels:
             height = site.ground.height_above(centres)

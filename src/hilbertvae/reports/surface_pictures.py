@@ -64,9 +64,9 @@ def _outline_balls(axes: Axes, gaps: Gaps, camera: Camera, linewidth: float) -> 
         axes.add_patch(Circle((x, y), radius, fill=False, edgecolor=GAP_COLOUR, linewidth=linewidth, zorder=5))
 
 
-def _height_bar(figure: Figure, axes, shrink: float = 0.8, aspect: float = 30) -> None:
+def _height_bar(figure: Figure, axes, shrink: float = 0.8) -> None:
     scale = ScalarMappable(Normalize(*HEIGHTS_M), HEIGHT)
-    bar = figure.colorbar(scale, ax=axes, shrink=shrink, aspect=aspect, pad=0.01, extend="max", extendfrac=0.03)
+    bar = figure.colorbar(scale, ax=axes, shrink=shrink, aspect=30, pad=0.01, extend="max", extendfrac=0.03)
     bar.set_ticks([0, 1, 2, 3, 4])
     label_bar(bar, "height above ground (m)")
 

@@ -82,8 +82,8 @@ def _ranked(occupied: np.ndarray, probability: np.ndarray) -> tuple[float, float
     return float(np.trapezoid(true_rate, false_rate)), best_f1
 
 
-def calibration_error(occupied: np.ndarray, probability: np.ndarray, bins: int = CALIBRATION_BINS) -> float:
+def calibration_error(occupied: np.ndarray, probability: np.ndarray) -> float:
     """ECE: the mean distance between the mean probability and the share of occupied, over equal bins of probability, by their size."""
-    bin_of = np.minimum((probability * bins).astype(int), bins - 1)
-    gap = np.bincount(bin_of, weights=probability - occupied, minlength=bins)
+    bin_of = np.minimum((probability * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
+    gap = np.bincount(bin_of, weights=probability - occupied, minlength=CALIBRATION_BINS)
     return float(np.abs(gap).sum() / len(probability))

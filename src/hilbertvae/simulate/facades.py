@@ -187,28 +187,26 @@ def _upright(start, end, low: float, high: float) -> Soup:
     return quads([[*start, low], [*end, low], [*end, high], [*start, high]], Surface.WALL)
 
 
-def draw_garage(rng: np.random.Generator, width_m: float = 3.0, depth_m: float = 5.5, count: int = 1) -> Soup:
-    """Garages side by side, each with a door set back in its front."""
+def draw_garage(rng: np.random.Generator) -> Soup:
+    """A garage with a door set back in its front."""
     height, back = rng.uniform(2.3, 2.8), rng.uniform(0.05, 0.5)
-    total = count * width_m
-    left = np.arange(count) * width_m + 0.3
-    right = left + width_m - 0.6
-    door = np.stack([np.zeros(count), np.full(count, 2.1)], -1)
-    edges = np.concatenate([[0], np.stack([left, right], -1).ravel(), [total]]).reshape(-1, 2)
-    reveals = np.stack([left, right], -1).reshape(-1)
+    width_m, depth_m = 3.0, 5.5
+    reveals = np.array([0.3, 0.3 + width_m - 0.6])  # to the last bit what sites of a seed have
+    door = np.array([[0.0, 2.1]])
+    edges = np.concatenate([[0], reveals, [width_m]]).reshape(-1, 2)
     jambs = np.stack(
         [np.stack([reveals, 0 * reveals + y, 0 * reveals + z], -1) for y, z in ((0, 0), (back, 0), (back, 2.1), (0, 2.1))], axis=1
     )
     return joined(
         [
-            _panel(np.stack([left, right], -1), door, back, Surface.WALL),
+            _panel(reveals[None], door, back, Surface.WALL),
             _panel(edges, np.broadcast_to([FOOT_M, height], edges.shape), 0.0, Surface.WALL),
-            _panel(np.stack([left, right], -1), door * 0 + [2.1, height], 0.0, Surface.WALL),
+            _panel(reveals[None], door * 0 + [2.1, height], 0.0, Surface.WALL),
             quads(jambs, Surface.WALL),
             *(
                 _upright(a, b, FOOT_M, height)
-                for a, b in (([0, 0], [0, depth_m]), ([total, 0], [total, depth_m]), ([0, depth_m], [total, depth_m]))
+                for a, b in (([0, 0], [0, depth_m]), ([width_m, 0], [width_m, depth_m]), ([0, depth_m], [width_m, depth_m]))
             ),
-            boxes_3d([total / 2, depth_m / 2, height], [total + 0.2, depth_m + 0.2, 0.15]),
+            boxes_3d([width_m / 2, depth_m / 2, height], [width_m + 0.2, depth_m + 0.2, 0.15]),
         ]
     )

@@ -10,6 +10,8 @@ from scipy import ndimage
 from hilbertvae.simulate.floor_plan import FloorPlan
 from hilbertvae.simulate.shapes import edges
 
+CELL_M = 0.1
+
 
 @dataclass(frozen=True)
 class FreeSpace:
@@ -33,23 +35,23 @@ class FreeSpace:
         return np.where(inside, np.maximum(self.clearance_m[cells[:, 1], cells[:, 0]] - offset_m, 0.0), 0.0)
 
 
-def find_free_space(plan: FloorPlan, cell_m: float = 0.1) -> FreeSpace:
+def find_free_space(plan: FloorPlan) -> FreeSpace:
     """The free space of a plan: on a floor or in a doorway, outside all solids and panes."""
     # Doorways belong to no floor, so what is free is what is connected with a floor; outdoors may be, by a lost wall.
     solid_edges = np.concatenate([edges(plan.solids), edges(plan.glass)])
     floors = np.array([floor.polygon for floor in plan.floors], dtype=object)
     floor_edges = edges(floors)
     lower = floor_edges.reshape(-1, 2).min(axis=0) - 1.0
-    cells = np.ceil((floor_edges.reshape(-1, 2).max(axis=0) + 1.0 - lower) / cell_m).astype(int)
-    solid = inside(solid_edges, lower, cells, cell_m) | on_outline(solid_edges, lower, cells, cell_m)
+    cells = np.ceil((floor_edges.reshape(-1, 2).max(axis=0) + 1.0 - lower) / CELL_M).astype(int)
+    solid = inside(solid_edges, lower, cells, CELL_M) | on_outline(solid_edges, lower, cells, CELL_M)
     labels, _ = ndimage.label(~solid)
-    floor = inside(floor_edges, lower, cells, cell_m) & ~solid
+    floor = inside(floor_edges, lower, cells, CELL_M) & ~solid
     indoors = np.unique(labels[floor])
     outdoors = np.unique(np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]]))
     free = np.isin(labels, np.setdiff1d(indoors, np.append(outdoors, 0)))
     # To the centre of the nearest solid cell; what is solid in it may lie half a diagonal nearer.
-    distance = ndimage.distance_transform_edt(free) * cell_m - cell_m * np.sqrt(0.5)
-    return FreeSpace(np.maximum(distance, 0.0), lower, cell_m)
+    distance = ndimage.distance_transform_edt(free) * CELL_M - CELL_M * np.sqrt(0.5)
+    return FreeSpace(np.maximum(distance, 0.0), lower, CELL_M)
 
 
 def inside(edges: np.ndarray, lower: np.ndarray, cells: np.ndarray, cell_m: float) -> np.ndarray:

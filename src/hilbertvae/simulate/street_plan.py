@@ -51,7 +51,7 @@ def draw_street_plan(rng: np.random.Generator, character: str, drive_m: float, b
     widths = [lane + {"along": 2.1, "across": 4.9}.get(mode, 0.2) for mode in modes]  # right, left
     pavements = rng.uniform(1.0, 2.8, 2) + rng.uniform(0, 1, 2) * {"town": 2.5, "avenue": 7.0}.get(character, 0.0)
     driven = rng.choice([-1, 1], p=[0.75, 0.25])  # some countries drive on the left
-    mouths, side_streets = _side_streets(rng, character, drive_m)
+    mouths, side_streets = _side_streets(rng, drive_m)
     boxes = [(low, -widths[0], high, widths[1])]
     for s, side, half in side_streets:
         boxes.append((s - half, 0 if side > 0 else -beyond_m, s + half, beyond_m if side > 0 else 0))
@@ -61,7 +61,7 @@ def draw_street_plan(rng: np.random.Generator, character: str, drive_m: float, b
         ring = max(island[1] + rng.uniform(5.5, 8.5), max(widths) + 2)
         mouths = [[(island[0] - ring - 1, island[0] + ring + 1)]] * 2
     car_parks = _car_parks(rng, character, widths, pavements, mouths)
-    road = strips([*boxes, *car_parks, *_entrances(car_parks, widths)])
+    road = strips([*boxes, *car_parks, *_entrances(car_parks)])
     road = _rounded(road)
     if island:
         road = without(united([road, shapely.Point(island[0], 0).buffer(ring)]), shapely.Point(island[0], 0).buffer(island[1]))
@@ -80,7 +80,7 @@ def draw_street_plan(rng: np.random.Generator, character: str, drive_m: float, b
     return StreetPlan(character, ground, grass, extent, lines, lots, lane_t, -driven * lane * 0.5, island, ring, car_parks)
 
 
-def _side_streets(rng, character: str, drive_m: float):
+def _side_streets(rng, drive_m: float):
     """Mouths by side (right, left) as intervals of s, and streets as (s, side, half width)."""
     streets = []
     if rng.random() < 0.5:
@@ -105,7 +105,7 @@ def _car_parks(rng, character: str, widths, pavements, mouths) -> np.ndarray:
     return np.array([[s, low, s + length, high]])
 
 
-def _entrances(car_parks: np.ndarray, widths):
+def _entrances(car_parks: np.ndarray):
     return [(s0 + 3, *((0, s0 + 9, t1) if t1 > 0 else (t0, s0 + 9, 0))) for s0, t0, s1, t1 in car_parks]
 
 

@@ -68,9 +68,9 @@ def _in_ball(rng, count: int, inner: float) -> np.ndarray:
     return way / np.linalg.norm(way, axis=1, keepdims=True) * rng.uniform(inner**3, 1, (count, 1)) ** (1 / 3)
 
 
-def draw_bush(rng: np.random.Generator, leaf_m: float = 0.15, size_m: float | None = None) -> Soup:
+def draw_bush(rng: np.random.Generator, leaf_m: float = 0.15) -> Soup:
     """A bush at the origin, on the ground: lobes of leaves around a dense heart."""
-    size = size_m or rng.uniform(0.4, 1.6)
+    size = rng.uniform(0.4, 1.6)
     lobes = rng.normal(0, 0.45 * size, (rng.integers(2, 7), 2))
     tall = size * rng.uniform(0.5, 1.3, len(lobes))
     count = int(np.clip(12 * size**2 / (0.35 * leaf_m**2), 80, 3500))
