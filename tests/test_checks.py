@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hilbertvae.checks import InputError, check_count, check_points, check_positive
+from hilbertvae.checks import InputError, check_count, check_points, check_positive, check_share
 
 
 def test_points_come_back_as_float64():
@@ -49,6 +49,22 @@ def test_positive(value):
 def test_no_count(value):
     with pytest.raises(InputError, match="count: expected a whole number from 1 to 3, got"):
         check_count(value, "count", 3)
+
+
+@pytest.mark.parametrize("value", [-0.1, 1.1, np.nan, True, "0.5", None])
+def test_no_share(value):
+    with pytest.raises(InputError, match=r"part: expected a share in \[0, 1\], got"):
+        check_share(value, "part")
+
+
+def test_shares():
+    assert [check_share(value, "part") for value in (0, np.float32(0.5), 1)] == [0.0, 0.5, 1.0]
+
+
+def test_a_count_may_begin_later():
+    assert check_count(4, "azimuths", least=4) == 4
+    with pytest.raises(InputError, match="azimuths: expected a whole number of at least 4, got 3"):
+        check_count(3, "azimuths", least=4)
 
 
 def test_counts_come_back_as_python_numbers():

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
+from types import ModuleType
+
 import numpy as np
 
 
@@ -54,6 +57,13 @@ def check_not_negative(value: float, name: str) -> float:
     return float(value)
 
 
+def check_share(value: float, name: str) -> float:
+    """`value` as a float from 0 to 1; an `InputError` otherwise."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not 0 <= value <= 1:
+        raise InputError(f"{name}: expected a share in [0, 1], got {value!r}")
+    return float(value)
+
+
 def check_finite(node: object, path: str = "") -> None:
     """An `InputError` that names the key for a NaN or an infinity in nested dicts and lists, which JSON lacks: a run
     with one could not be written down."""
@@ -81,11 +91,11 @@ def check_whole(value: int, name: str) -> int:
     return int(value)
 
 
-def check_count(value: int, name: str, most: int | None = None) -> int:
-    """`value` as a whole number from 1 on, at most `most` where that is given; an `InputError` otherwise."""
+def check_count(value: int, name: str, most: int | None = None, least: int = 1) -> int:
+    """`value` as a whole number from `least` on, at most `most` where that is given; an `InputError` otherwise."""
     whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not whole or value < 1 or (most is not None and value > most):
-        wanted = "of at least 1" if most is None else f"from 1 to {most}"
+    if not whole or value < least or (most is not None and value > most):
+        wanted = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise InputError(f"{name}: expected a whole number {wanted}, got {value!r}")
     return int(value)
 
@@ -93,3 +103,12 @@ def check_count(value: int, name: str, most: int | None = None) -> int:
 def how_to_install(extra: str) -> str:
     """What to type where an extra of the package is not installed."""
     return f"pip install 'hilbertvae[{extra}]', in a checkout '.[{extra}]'"
+
+
+def extra_module(extra: str, module: str, needs: str = "this needs") -> ModuleType:
+    """A module of an extra of the package; an `InputError` that says what `needs` the extra, where it is not installed."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        missing = f"{error.name or module} is not installed: {how_to_install(extra)}"
+        raise InputError(f"{needs} the extra '{extra}', and {missing}") from error

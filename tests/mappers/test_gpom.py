@@ -142,6 +142,7 @@ def test_the_order_of_the_cloud_changes_nothing():
         {"free_spacing_m": -1.0},
         {"noise": 0.0},
         {"weight_power": -0.1},
+        {"weight_power": True},
         {"weight_power": "much"},
         {"slope": np.nan},
     ],

@@ -63,7 +63,7 @@ def test_a_site_with_nobody_walking(sim):
         ({"longest_extent_m": float("inf")}, "building.longest_extent_m: expected a positive number"),
         ({"scans": 0}, "building.scans: expected a whole number of at least 1"),
         ({"clearance_m": -0.1}, "building.clearance_m: expected a positive number"),
-        ({"pose_noise_m": -0.1}, "building.pose_noise_m: expected zero or a positive number"),
+        ({"pose_noise_m": -0.1}, "building.pose_noise_m: expected a number from 0 on"),
         ({"sweeps_per_passer_by": 0.5}, "building.sweeps_per_passer_by: expected at least 1"),
     ],
 )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hilbertvae.checks import InputError, how_to_install
+from hilbertvae.checks import InputError, extra_module
 from hilbertvae.exports.cell_colours import cell_colours
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.files import atomic
@@ -23,10 +23,7 @@ def write_rerun(cells: MapCells, path: str | os.PathLike) -> Path:
     path = Path(path)
     if path.suffix != ".rrd":
         raise InputError(f"{path}: expected a name that ends in .rrd")
-    try:
-        import rerun
-    except ImportError as error:
-        raise InputError(f"{path}: needs the extra 'rerun', which is not installed: {how_to_install('rerun')}") from error
+    rerun = extra_module("rerun", "rerun", f"{path}: needs")
     chosen = cells.select(cells.occupied)
     colours = cell_colours(chosen)
     places = np.zeros((len(chosen), 3))

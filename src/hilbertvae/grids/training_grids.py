@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_share
 from hilbertvae.cloud import FREE_POINT_M, Cloud, fit_cloud
 from hilbertvae.gaps import NoRoom, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, bin_voted, find_frames
@@ -27,8 +27,7 @@ class ClusteringSettings:
     """Each clustering but the first turns the site about the vertical by a random angle."""
 
     def __post_init__(self):
-        if not 0 <= self.occluded_share <= 1:
-            raise InputError(f"clustering.occluded_share: expected a share in [0, 1], got {self.occluded_share}")
+        check_share(self.occluded_share, "clustering.occluded_share")
         sizes = self.gap_diameter_m
         if sizes and (len(sizes) != 2 or not 0 < sizes[0] <= sizes[1] < np.inf):
             raise InputError(f"clustering.gap_diameter_m: expected the smallest and the largest, or an empty list, got {sizes}")

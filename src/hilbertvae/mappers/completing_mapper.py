@@ -19,6 +19,7 @@ from hilbertvae.mappers.weights import READINGS, check_calibration
 from hilbertvae.reconstruction.adaptation import adapted, batch_size
 from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
+from hilbertvae.reconstruction.symmetry import check_flips
 
 CUT_GAPS_M = (1.5, 3.5)
 """Diameters of the gaps of each clustering that a network learns from, as in training."""
@@ -54,8 +55,7 @@ class CompletingMapper(Mapper):
         """An `InputError` that names the setting which no map can have."""
         check_count(self.neighbours, "neighbours")
         for flips in (self.flips, getattr(self, "flips_", None)):  # as set, and as it is in a map's file
-            if flips not in (None, 1, 2, 4, 8):
-                raise InputError(f"flips: expected 1, 2, 4 or 8, got {flips!r}")
+            check_flips(flips)
         if self.weights not in ("unit", "rank", "cluster"):
             raise InputError(f"weights: expected unit, rank or cluster, got {self.weights!r}")
         if self.grid is not None and not isinstance(self.grid, GridSettings):

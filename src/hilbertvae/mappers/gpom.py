@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
-from hilbertvae.checks import InputError, check_count, check_positive
+from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive
 from hilbertvae.cores import workers
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.sums import sums_by
@@ -143,8 +143,7 @@ class GpomMapper(Mapper):
             check_positive(getattr(self, name), name)
         if self.free_spacing_m is not None:
             check_positive(self.free_spacing_m, "free_spacing_m")
-        if not isinstance(self.weight_power, (int, float, np.number)) or not 0 <= self.weight_power < np.inf:
-            raise InputError(f"weight_power: expected a number of at least 0, got {self.weight_power!r}")
+        check_not_negative(self.weight_power, "weight_power")
 
 
 def _thinned(points: np.ndarray, weight: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:

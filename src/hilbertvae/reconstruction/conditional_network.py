@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_share
 from hilbertvae.reconstruction.blocks import CONVOLUTION, HIT_FREE_CHANNELS, Reconstruction, ResidualBlock, hit_free
 from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
 
@@ -34,8 +34,7 @@ class ConditionalNetwork(GatedNetwork):
     def __init__(self, settings: ConditionalNetworkSettings, dimension: int, cells: int):
         if not settings.variational or settings.bottom != "summary":
             raise InputError("network: a conditional prior needs network.variational=true and network.bottom=summary")
-        if not 0 <= settings.guess_share <= 1:
-            raise InputError(f"network.guess_share: expected a share in [0, 1], got {settings.guess_share}")
+        check_share(settings.guess_share, "network.guess_share")
         super().__init__(settings, dimension, cells)
 
     def _add_latent(self, inputs: int) -> None:

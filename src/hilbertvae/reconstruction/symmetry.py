@@ -7,6 +7,7 @@ import itertools
 import torch
 from torch import Tensor
 
+from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import PLACES
 
 Symmetry = tuple[bool, tuple[int, ...]]
@@ -17,6 +18,12 @@ def symmetries(dimension: int) -> list[Symmetry]:
     """The 8 symmetries of the horizontal square, the identity first. In 3D up stays up: streets are not seen upside down."""
     flips = [axes for count in range(3) for axes in itertools.combinations(range(2), count)]
     return [(swap, axes) for swap in (False, True) for axes in flips]
+
+
+def check_flips(flips: int | None) -> None:
+    """An `InputError` unless `flips` is None or how many of `symmetries` make a group."""
+    if flips not in (None, 1, 2, 4, 8):
+        raise InputError(f"flips: expected 1, 2, 4 or 8, got {flips!r}")
 
 
 def apply(grids: Tensor, symmetry: Symmetry) -> Tensor:

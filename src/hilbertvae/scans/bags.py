@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, extra_module
 from hilbertvae.progress import track
 from hilbertvae.scans.bag_chunks import bounded_unpacking
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
@@ -20,7 +20,7 @@ from hilbertvae.scans.bag_poses import FIXED_FRAMES, ODOMETRY, TRANSFORMS, BagPo
 from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.deskewing import deskewed_along
-from hilbertvae.scans.file_points import check_reading, extra_module, named, reading
+from hilbertvae.scans.file_points import check_reading, named, reading
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
 from hilbertvae.scans.point_times import SWEEP_S, beam_times, time_field
 from hilbertvae.scans.poses import MOST_TILT_DEG, leans

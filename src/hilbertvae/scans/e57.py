@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.apart import read_apart
-from hilbertvae.scans.file_points import FilePoints, check_fits, extra_module, reading
+from hilbertvae.scans.file_points import FilePoints, check_fits, reading
 from hilbertvae.scans.poses import FARTHEST_M, RIGID
 from hilbertvae.scans.quaternions import rotation_matrices
 

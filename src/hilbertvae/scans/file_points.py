@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
-from hilbertvae.checks import InputError, how_to_install
+from hilbertvae.checks import InputError
 
 SMALL_BYTES = 64 * 2**20
 """Packed files may grow to this size whatever their own: runs of equal numbers pack a thousandfold."""
@@ -80,12 +78,3 @@ def check_reading(min_range_m: float, max_range_m: float, every: int) -> None:
         raise InputError(f"reading.max_range_m: expected more than min_range_m, which is 0 or more, got {max_range_m} and {min_range_m}")
     if int(every) != every or every < 1:
         raise InputError(f"reading.every: expected a whole number from 1, got {every}")
-
-
-def extra_module(extra: str, module: str) -> ModuleType:
-    """A module of an extra of the package; an `InputError` that names the extra where it is not installed."""
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        missing = f"{error.name or module} is not installed: {how_to_install(extra)}"
-        raise InputError(f"this needs the extra '{extra}', and {missing}") from error

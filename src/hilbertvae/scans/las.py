@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.apart import read_apart
-from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, extra_module, reading
+from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, reading
 
 HEADER_BYTES = 375
 RECORD_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)

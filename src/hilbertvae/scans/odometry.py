@@ -11,9 +11,8 @@ import warnings
 import numpy as np
 from scipy.spatial import cKDTree
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.deskewing import Beams, deskewed
-from hilbertvae.scans.file_points import extra_module
 
 KISS_ICP = "kiss_icp"
 FINDING = "Finding poses by KISS-ICP"

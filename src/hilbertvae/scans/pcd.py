@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hilbertvae.checks import InputError
-from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, extra_module, reading
+from hilbertvae.checks import InputError, extra_module
+from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, reading
 from hilbertvae.scans.point_text import number_table
 
 MAX_VALUES = 1024

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_count, check_positive, check_whole
+from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_whole
 from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.laser import LaserSettings, RayCaster, bearings, extrude, sense, sim_extra
 
@@ -55,8 +55,7 @@ class BuildingSettings:
             )
         check_count(self.scans, "building.scans")
         for name in ("pose_noise_m", "heading_noise_deg"):
-            if not np.isfinite(getattr(self, name)) or getattr(self, name) < 0:
-                raise InputError(f"building.{name}: expected zero or a positive number, got {getattr(self, name)!r}")
+            check_not_negative(getattr(self, name), f"building.{name}")
 
 
 def simulate_building(settings: BuildingSettings, seed: int) -> Scans:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, how_to_install
+from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_share, extra_module
 
 
 @dataclass(frozen=True)
@@ -39,8 +38,7 @@ class LaserSettings:
         for name in ("range_noise_m", "range_step_m"):
             check_not_negative(getattr(self, name), f"laser.{name}")
         for name in ("miss_share", "glass_return_share", "glass_pass_share", "edge_mix_share"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"laser.{name}: expected a share from 0 to 1, got {getattr(self, name)!r}")
+            check_share(getattr(self, name), f"laser.{name}")
         if self.glass_return_share + self.glass_pass_share > 1:
             raise InputError("laser.glass_return_share + laser.glass_pass_share: expected at most 1 together")
 
@@ -87,11 +85,7 @@ def _lifted(vectors: np.ndarray) -> np.ndarray:
 
 def sim_extra(module: str):
     """A module of the extra `sim`; an `InputError` that names the extra where it is not installed."""
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        missing = f"{error.name or module} is not installed: {how_to_install('sim')}"
-        raise InputError(f"simulated sites need the extra 'sim', and {missing}") from error
+    return extra_module("sim", module, "simulated sites need")
 
 
 def extrude(edges: np.ndarray, bottom_m: float = -1.0, top_m: float = 1.0) -> tuple[np.ndarray, np.ndarray]:

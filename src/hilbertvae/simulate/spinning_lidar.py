@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_not_negative, check_positive
+from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_share
 from hilbertvae.simulate.surfaces import Echo, SurfaceCaster, echoes
 
 
@@ -39,8 +39,7 @@ class SpinningLidar:
     def __post_init__(self):
         if len(self.elevations_deg) == 0 or len(self.elevations_deg) != len(self.start_heights_m):
             raise InputError("lidar.elevations_deg: expected at least one laser, and as many as lidar.start_heights_m has")
-        if isinstance(self.azimuths, bool) or not isinstance(self.azimuths, (int, np.integer)) or self.azimuths < 4:
-            raise InputError(f"lidar.azimuths: expected a whole number of at least 4, got {self.azimuths!r}")
+        check_count(self.azimuths, "lidar.azimuths", least=4)
         for name in ("height_m", "max_range_m", "faintest", "nearest_m"):
             check_positive(getattr(self, name), f"lidar.{name}")
         for name in ("range_noise_m", "laser_bias_m"):
@@ -48,8 +47,7 @@ class SpinningLidar:
         if self.nearest_m >= self.max_range_m:
             raise InputError(f"lidar.nearest_m: expected less than max_range_m ({self.max_range_m!r}), got {self.nearest_m!r}")
         for name in ("miss_share", "edge_mix_share"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"lidar.{name}: expected a share from 0 to 1, got {getattr(self, name)!r}")
+            check_share(getattr(self, name), f"lidar.{name}")
 
     @property
     def lasers(self) -> int:

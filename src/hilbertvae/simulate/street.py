@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_not_negative, check_positive, check_whole
+from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_share, check_whole
 from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.laser import sim_extra
 from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar, hidden_by_car, sense_turn
@@ -51,12 +51,10 @@ class StreetSettings:
             raise InputError(f'street.character: expected "any" or one of {", ".join(CHARACTERS)}, got {self.character!r}')
         if self.sensor not in ("any", *SENSORS):
             raise InputError(f'street.sensor: expected "any" or one of {", ".join(SENSORS)}, got {self.sensor!r}')
-        for name, least in (("scans", 1), ("azimuths", 4)):
-            value = getattr(self, name)
-            if (value is not None or name == "scans") and (isinstance(value, bool) or not isinstance(value, int) or value < least):
-                raise InputError(f"street.{name}: expected a whole number of at least {least}, got {value!r}")
-        if not 0 <= self.single_scan_share <= 1:
-            raise InputError(f"street.single_scan_share: expected a share from 0 to 1, got {self.single_scan_share!r}")
+        check_count(self.scans, "street.scans")
+        if self.azimuths is not None:
+            check_count(self.azimuths, "street.azimuths", least=4)
+        check_share(self.single_scan_share, "street.single_scan_share")
         for name in ("shortest_step_m", "longest_step_m", "nearest_m"):
             check_positive(getattr(self, name), f"street.{name}")
         if self.shortest_step_m > self.longest_step_m:

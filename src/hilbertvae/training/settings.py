@@ -17,6 +17,7 @@ from hilbertvae.reconstruction.augmentation import AugmentationSettings
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.likelihood import LikelihoodSettings
 from hilbertvae.reconstruction.precision import check_device
+from hilbertvae.reconstruction.symmetry import check_flips
 from hilbertvae.scans.formats import ReadingSettings, is_scan_path
 from hilbertvae.scoring.protocol import Protocol
 from hilbertvae.simulate.building import BuildingSettings
@@ -228,8 +229,7 @@ class Settings:
         check_positive(self.scoring_processes, "scoring_processes")
         check_positive(self.validation_gap_m, "validation_gap_m")
         check_occupied_weight(self.calibration_occupied_weight, "calibration_occupied_weight")
-        if self.flips not in (None, 1, 2, 4, 8):
-            raise InputError(f"flips: expected 1, 2, 4 or 8, got {self.flips}")
+        check_flips(self.flips)
         if self.device != "auto":
             check_device(self.device)
         if not 0.2 <= self.trainer.kl_warmup_share <= 1:
