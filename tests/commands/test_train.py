@@ -184,6 +184,11 @@ class TestEveryConfiguration:
             run(fast(tmp_path, "mapper=[cvae-hm]", f"checkpoint={tmp_path}/gone.safetensors"))
 
 
+def test_the_folder_follows_the_name_that_is_chosen():
+    assert settings_of("name=mine").output == "outputs/mine"
+    assert settings_of("name=mine", "output=elsewhere").output == "elsewhere"
+
+
 class TestNoNetwork:
     def test_mappers_without_a_network_start_no_trainer(self, tmp_path):
         settings = fast(tmp_path, "mapper=[nearest,all-occupied]", "pictures=false")

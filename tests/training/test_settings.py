@@ -121,6 +121,11 @@ def test_the_voxel_follows_the_dimension():
     assert Settings(dimension=3, resolution_m=0.1).resolution_m == 0.1
 
 
+def test_the_folder_follows_the_name():
+    assert (Settings(name="mine").output, Settings(name="other").output) == ("outputs/mine", "outputs/other")
+    assert Settings(name="mine", output="elsewhere").output == "elsewhere"
+
+
 def test_how_simulated_buildings_are_read():
     data = DataSettings(simulated_scans=20, simulated_extent_m=[12, 16], folder="logs", download=True)
     source = replace(good(), data=data).source()

@@ -48,10 +48,10 @@ OF_A_TRAINING, OF_A_SCORING_TOO = ("augmentation.", "clustering.", "trainer."), 
 """Settings of how a network is trained, and those of them that say how maps are made, too."""
 
 store = ConfigStore.instance()
-# The network is missing there, so that a choice of another kind meets no default of this one; and the voxels are those of the dimension
-# that will be chosen, which is 2 only as long as nobody says otherwise.
+# The network is missing there, so that a choice of another kind meets no default of this one; the folder is that of the name, and the
+# voxels are those of the dimension, that will be chosen.
 SCHEMA = Settings(network=MISSING)
-SCHEMA.resolution_m = None
+SCHEMA.output, SCHEMA.resolution_m = "outputs/${name}", None
 store.store(name="settings_schema", node=SCHEMA)
 store.store(group="network", name="gated_schema", node=GatedNetworkSettings)
 store.store(group="network", name="conditional_schema", node=ConditionalNetworkSettings)

@@ -117,7 +117,8 @@ class Settings:
     """Which row of a sweep's table this run is."""
     size: str = ""
     """Of the sweep that this run belongs to: `quick` or `full`."""
-    output: str = "outputs/${name}"
+    output: str | None = None
+    """Folder of all that the run writes; `outputs/<name>` unless given."""
     seed: int = 0
     dimension: int = 2
     resolution_m: float | None = None
@@ -155,6 +156,8 @@ class Settings:
     """Folder where trained networks are kept under the hash of what made them, so that runs that differ in scoring alone train once."""
 
     def __post_init__(self):
+        if self.output is None:
+            self.output = f"outputs/{self.name}"
         if self.resolution_m is None:
             self.resolution_m = RESOLUTION_M.get(self.dimension)
 
