@@ -10,6 +10,7 @@ pytest.importorskip("embreex")
 
 from hilbertvae.checks import InputError  # noqa: E402
 from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
+from hilbertvae.mappers.octomap_mapper import OctoMapMapper  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
 from hilbertvae.training.devices import filling_device, training_device  # noqa: E402
 from hilbertvae.training.scoring import give_networks  # noqa: E402
@@ -71,3 +72,14 @@ def test_a_device_that_is_not_there_is_named_before_anything_trains(tmp_path):
     with pytest.raises(InputError, match="device: expected cpu, or cuda where there is one, got 'tpu'"):
         train(tiny_settings(tmp_path / "run", tmp_path, device="tpu"))
     assert not (tmp_path / "run").exists()
+
+
+def test_mappers_that_are_given_stay_as_they_are(tmp_path):
+    """Else a second run would score the network, the voxels and the grids of the first with them."""
+    mappers = {"ours": HilbertMap("trained", device="auto"), "raw": HilbertMap(device="auto"), "octomap": OctoMapMapper()}
+    before = {name: mapper.get_params(deep=False) for name, mapper in mappers.items()}
+    first, second = (tiny_reconstructor(seed=seed) for seed in (3, 4))
+    settings = tiny_settings(tmp_path, tmp_path)
+    assert give_networks(settings, mappers, first)["ours"].reconstructor is first
+    assert give_networks(settings, mappers, second)["ours"].reconstructor is second
+    assert {name: mapper.get_params(deep=False) for name, mapper in mappers.items()} == before

@@ -121,10 +121,11 @@ class TestWeightsLearnedAnew:
     def scored(settings, path, **parameters) -> HilbertMap:
         mappers = {"cvae-hm": HilbertMap("trained", **parameters)}
         tested = replace(settings, data=replace(settings.data, test=["simulated:900002"]))
-        results = []
-        score(tested, mappers, Reconstructor.load(path), lambda result, site, given: results.append(result))
-        assert not results[0].failed
-        return mappers["cvae-hm"]
+        written = []
+        score(tested, mappers, Reconstructor.load(path), lambda *arguments: written.append(arguments))
+        ((result, _, given),) = written
+        assert not result.failed
+        return given["cvae-hm"]
 
     @pytest.mark.parametrize("neighbours", [1, 3])
     def test_another_number_of_grids_has_as_many_weights(self, first, neighbours):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -121,12 +122,14 @@ def _evaluate_some(settings: Settings, reference: str, mappers: dict[str, Mapper
 
 
 def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconstructor | None) -> dict[str, Mapper]:
-    """The mappers with their networks, and maps of raw grids with the grids of the run, under the names that their scores will have.
+    """Copies of the mappers with their networks, and maps of raw grids with the grids of the run, under the names of their scores: who
+    trains several networks in turn gives each run the same mappers.
 
     A network without sampling is no CVAE: what is configured as `cvae-...` for the network of the run is scored as `cae-...`.
     """
     given = {}
     for name, mapper in mappers.items():
+        mapper = copy.copy(mapper)  # sklearn's clone would copy networks
         if isinstance(mapper, HilbertMap):
             if mapper.reconstructor == TRAINED:
                 if reconstructor is None:
