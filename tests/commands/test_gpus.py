@@ -2,8 +2,13 @@ import os
 
 import pytest
 import torch
+from hydra import compose, initialize_config_dir
+from hydra.core.hydra_config import HydraConfig
+from omegaconf import open_dict
 
+from hilbertvae.checks import InputError
 from hilbertvae.commands import gpus
+from hilbertvae.commands import train as command
 from hilbertvae.commands.gpus import give_gpus
 
 
@@ -67,3 +72,40 @@ def test_only_what_was_visible_is_dealt_out(machine):
 def test_without_gpus_nothing_is_set(machine):
     machine[0].setattr(torch.cuda, "device_count", lambda: 0)
     assert given(machine, 1) is None
+
+
+@pytest.mark.parametrize("wanted", [0, -1])
+def test_a_wrong_number_is_left_to_who_checks_it(machine, wanted):
+    assert given(machine, wanted) is None
+
+
+def test_where_it_is_too_late_it_is_said(machine):
+    machine[0].setattr(torch.cuda, "is_initialized", lambda: True)
+    with pytest.warns(UserWarning, match="a GPU was used before they were dealt out"):
+        assert given(machine, 1) is None
+    assert given(machine, 4) is None  # there is nothing to deal out
+
+
+@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
+def test_a_job_is_given_its_gpus_before_it_looks_at_one(launcher, tmp_path, monkeypatch):
+    pytest.importorskip({"joblib": "hydra_plugins.hydra_joblib_launcher", "submitit_local": "submitit"}[launcher])
+    asked = []
+
+    def looks(device):
+        asked.append(device)
+        raise InputError("device: enough")
+
+    monkeypatch.setattr(command, "give_gpus", asked.append)
+    monkeypatch.setattr("hilbertvae.training.settings.check_device", looks)
+    monkeypatch.setenv(command.JOB, "")
+    monkeypatch.setattr(HydraConfig.instance(), "cfg", None)
+    with initialize_config_dir(str(command.CONF), version_base="1.3"):
+        words = [f"launcher={launcher}", "device=cuda", "trainer.devices=2"]
+        whole = compose("config", overrides=[*words, "hydra.mode=MULTIRUN"], return_hydra_config=True)
+        with open_dict(whole):
+            whole.hydra.runtime.output_dir = str(tmp_path)
+        HydraConfig.instance().set_config(whole)
+        config = compose("config", overrides=words)
+    with pytest.raises(InputError, match="enough"):
+        command._application.__wrapped__(config)
+    assert asked == [2, "cuda"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import warnings
 from pathlib import Path
 
 import torch
@@ -16,14 +17,17 @@ _held: list[FileLock] = []
 def give_gpus(wanted: int) -> None:
     """Let this process see `wanted` of the machine's GPUs that no other process was given; where too few are left, some that others use.
 
-    For launchers that don't deal themselves: SLURM and Ray do. To be called before anything is put on a GPU; a process that is reused
-    for another job keeps what it was given, since CUDA looks only once.
+    For launchers that don't deal themselves: SLURM and Ray do. To be called before anything is put on a GPU, else it warns; a process that
+    is reused for another job keeps what it was given, since CUDA looks only once.
     """
-    if "HILBERTVAE_GPUS_GIVEN" in os.environ or torch.cuda.is_initialized():
+    if "HILBERTVAE_GPUS_GIVEN" in os.environ:
         return
     seen = os.environ.get("CUDA_VISIBLE_DEVICES")
     every = seen.split(",") if seen else [str(number) for number in range(torch.cuda.device_count())]
-    if len(every) <= wanted:
+    if not 0 < wanted < len(every):
+        return
+    if torch.cuda.is_initialized():
+        warnings.warn("a GPU was used before they were dealt out among jobs, which may all compute on the same one", stacklevel=2)
         return
     free = [name for name in every if len(_held) < wanted and _take(name)]
     shared = [name for name in every if name not in free]

@@ -173,11 +173,11 @@ def _application(config: DictConfig) -> None:
     if many:
         os.environ[JOB] = json.dumps([*job.overrides.task, f'hydra.run.dir="{output}"'])
     try:
+        if many and ("joblib" in job.launcher._target_ or "LocalLauncher" in job.launcher._target_):
+            give_gpus(config.trainer.devices)  # first of all, since to check `device` is to use a GPU
         settings = to_settings(config)
         refuse_ignored(settings, list(job.overrides.task))
         settings.output = output
-        if many and ("joblib" in job.launcher._target_ or "LocalLauncher" in job.launcher._target_):
-            give_gpus(settings.trainer.devices)
         if many and settings.trainer.devices > 1:
             # By this name Lightning starts the other processes; in a launcher's worker `__main__` is the launcher.
             sys.modules["__main__"].__spec__ = find_spec("hilbertvae.train")
