@@ -202,6 +202,12 @@ class TestASweepSurvives:
         one_place = ["cases/ablation=default,adamw", "hydra.sweep.subdir=x"]
         assert "add 'hydra.sweep.subdir=ablation-${hydra:runtime.choices.cases/ablation}'" in multirun(tmp_path, *one_place).stderr
 
+    @pytest.mark.parametrize("output", ["mine", "mine,yours"])
+    def test_a_folder_for_all_jobs_is_no_output(self, tmp_path, output):
+        done = multirun(tmp_path, "cases/ablation=default", f"output={output}")
+        assert done.returncode == 2 and "output: expected none with -m" in done.stderr and "hydra.sweep.dir" in done.stderr
+        assert not list(tmp_path.glob("**/result.json")) and not list(tmp_path.glob("**/sweep.json"))
+
     def test_the_name_that_is_proposed_for_folders_tells_jobs_apart(self, tmp_path):
         words = [
             *TRAIN,

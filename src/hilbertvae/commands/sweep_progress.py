@@ -34,9 +34,12 @@ class SweepProgress(Callback):
         self.since = time.perf_counter()
 
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
+        # Hydra goes on after any other exception of a callback than an exit.
+        if any(word.partition("=")[0] == "output" for word in config.hydra.overrides.task):
+            print("output: expected none with -m, where each job has a folder below hydra.sweep.dir; set that one", file=sys.stderr)
+            sys.exit(2)
         folder, jobs = Path(config.hydra.sweep.dir), job_folders(config)
-        if shared := [name for name, times in Counter(jobs).items() if times > 1]:
-            # Hydra goes on after any other exception of a callback, and these jobs would overwrite each other's results.
+        if shared := [name for name, times in Counter(jobs).items() if times > 1]:  # they would overwrite each other's results
             several = f"expected a folder for each job, got several in {', '.join(shared)}"
             print(f"hydra.sweep.subdir: {several}; add {telling_subdir(config)}", file=sys.stderr)
             sys.exit(2)
