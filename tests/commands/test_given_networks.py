@@ -115,3 +115,9 @@ def test_a_mapper_s_network_that_is_not_there_is_named(tmp_path):
 @pytest.mark.parametrize(("overrides", "expected"), [((), 0.1), (("dimension=3",), 0.2), (("dimension=3", "resolution_m=0.4"), 0.4)])
 def test_voxels_are_those_of_the_dimension_unless_given(overrides, expected):
     assert settings_of(*overrides).resolution_m == expected
+
+
+def test_where_maps_are_filled_makes_no_other_run():
+    """A sweep that goes on elsewhere has its results; those of before are found under the hash that they have."""
+    usual, cpu, turned = (_identity(settings_of("mapper=[cvae-hm,hm]", *more)) for more in ([], ["device=cpu"], ["flips=1"]))
+    assert usual == cpu != turned and usual["mapper"] == settings_of("mapper=[cvae-hm,hm]").mapper

@@ -34,5 +34,7 @@ def test_another_recipe_is_another_row(tmp_path, config, key):
 
 def test_where_it_ran_and_settings_of_another_version_make_no_other_row(tmp_path):
     here = {"trainer": {"epochs": 1, "threads": 1, "accelerator": "cpu"}, "data": {"simulated": 30, "cache": "here", "test": ["hall"]}}
+    here["mapper"] = {"cvae-hm": {"flips": 4, "device": "cuda"}}
     there = {"trainer": {"epochs": 1, "threads": 2, "accelerator": "gpu"}, "data": {"simulated": 30, "cache": "there"}, "flips": None}
+    there["mapper"] = {"cvae-hm": {"flips": 4, "device": "auto"}}
     assert [*rows(tmp_path, here, there)["a"]] == [0, 1]

@@ -148,7 +148,9 @@ def run(settings: Settings, again: bool = True) -> int:
 def _identity(settings: Settings) -> dict:
     """What can change a run's numbers, by contents wherever they lie; hashed, it tells a finished run."""
     tested = [settings.source().made_of(site) for site in settings.data.test]
-    evaluated = {"mapper": settings.mapper, "evaluation": asdict(settings.evaluation), "test": tested, **_given(settings)}
+    # Wherever networks fill maps, `device` counts as it is by default.
+    mapper = {name: one | {"device": "auto"} if isinstance(one, dict) and "device" in one else one for name, one in settings.mapper.items()}
+    evaluated = {"mapper": mapper, "evaluation": asdict(settings.evaluation), "test": tested, **_given(settings)}
     return {"version": hilbertvae.__version__, "training": training_hash(settings), **evaluated}
 
 

@@ -32,6 +32,11 @@ def _flat(config: dict) -> Iterator[tuple[str, Any]]:
     for part in PARTS:
         value = config.get(part)
         if isinstance(value, dict):
-            yield from ((f"{part}.{key}", setting) for key, setting in value.items() if key not in ELSEWHERE.get(part, ()))
+            yield from ((f"{part}.{key}", _anywhere(setting)) for key, setting in value.items() if key not in ELSEWHERE.get(part, ()))
         elif part in config:
             yield part, value
+
+
+def _anywhere(setting: Any) -> Any:
+    """A mapper's settings without its `device`."""
+    return {key: value for key, value in setting.items() if key != "device"} if isinstance(setting, dict) else setting
