@@ -25,6 +25,23 @@ def test_committed_scores_are_what_the_committed_results_give(path):
     assert path.read_text(encoding="utf-8") == scores_text(read_result(path.parent / "result.json")[0])
 
 
+@pytest.mark.parametrize("trained_here", [True, False])
+def test_it_says_what_computed(tmp_path, monkeypatch, trained_here):
+    made, site = reconstructor(), room()
+    made.card = {"trained_by": "a GPU"}
+    made.seconds = {"train": 3.0} if trained_here else {}
+    protocol = Protocol(gap_seeds=[0], cluster_size_m=2.0, occlusion=False)
+    result = evaluate_all({"nearest": NearestMapper()}, site, protocol)
+    asked = []
+    monkeypatch.setattr("hilbertvae.reconstruction.precision.device_name", lambda device: asked.append(device) or "another GPU")
+    Report(tmp_path, {"name": "run"}, pictures=False)(
+        result, site, {"nearest": NearestMapper(), "cvae-hm": HilbertMap(made, device="cuda")}
+    )
+    host = json.loads((tmp_path / "result.json").read_text())["host"]
+    assert asked == ["cuda"] and host["filled_by"] == "another GPU"
+    assert host.get("trained_by") == ("a GPU" if trained_here else None)
+
+
 class BrokenMap(HilbertMap):
     """A map that fails as soon as it is fitted."""
 

@@ -2,6 +2,7 @@ import json
 import subprocess
 
 import pytest
+import torch
 from reports_toys import result
 
 from hilbertvae.checks import InputError
@@ -44,6 +45,16 @@ def test_what_made_it():
     assert 10 < about["peak_memory_mb"] < 1e6
     assert about["command"] and "/" not in about["command"][0]
     assert about["config_hash"] == hash_of({"a": 1}) and about["stage_seconds"] == {"data": 1.5}
+
+
+def test_what_filled_maps_is_said_where_it_is_no_cpu(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: f"a GPU at {device}")
+    monkeypatch.setattr("hilbertvae.reconstruction.precision.fast_type", lambda device="cpu": f"torch.numbers-of-{device}")
+    host = provenance({}, device="cuda:1")["host"]
+    assert (host["numbers"], host["filled_by"]) == ("numbers-of-cuda:1", "a GPU at cuda:1")
+    host = provenance({})["host"]
+    assert host["numbers"] == "numbers-of-cpu" and "filled_by" not in host
 
 
 def test_git_state_of_a_clean_a_dirty_and_no_repository(tmp_path):

@@ -57,13 +57,14 @@ def test_notes(tmp_path):
     def how(content):
         content["git"] = {"commit": "b" * 40, "dirty": True}
         content["packages"]["numpy"] = "2.1"
-        content["host"] |= {"threads": 8, "numbers": "bfloat16"}
+        content["host"] |= {"threads": 8, "numbers": "bfloat16", "filled_by": "a GPU", "trained_by": "two GPUs"}
 
     text = "\n".join(origin_notes(two(tmp_path, how).runs))
     assert f"- hilbertvae 0.1.0, commits {'a' * 12}, {'b' * 12}" in text
     assert "- uncommitted tree, so that no commit says what ran: b-seed0" in text
     assert "- numpy differs: 2.0 in a-seed0; 2.1 in b-seed0" in text
-    assert "an abacus, 1 thread; an abacus, 8 threads, networks in bfloat16; seconds of different machines can't be compared" in text
+    gpus = "networks in bfloat16, filled by a GPU, trained by two GPUs"
+    assert f"an abacus, 1 thread; an abacus, 8 threads, {gpus}; seconds of different machines can't be compared" in text
     assert origin_notes([]) == []
 
 

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from training_toys import tiny_settings
 
 from hilbertvae.mappers.constant import ConstantMapper
+from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reports.run_state import UNFINISHED
@@ -165,6 +167,15 @@ def test_code_that_was_edited_while_a_run_went_on(settings, monkeypatch):
     assert KeptScores(settings, settings.data.test[0]).path(mappers(), 0) == before
     monkeypatch.setattr(kept_scores, "CODE", "edited")
     assert KeptScores(settings, settings.data.test[0]).path(mappers(), 0) != before
+
+
+def test_another_gpu_scores_anew(settings, monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    kept, found = KeptScores(settings, settings.data.test[0]), {}
+    for gpu in ("a GPU", "another"):
+        monkeypatch.setattr(torch.cuda, "get_device_name", lambda device, gpu=gpu: gpu)
+        found[gpu] = [kept.path({"ours": HilbertMap(device=device)}, 0) for device in ("cpu", "cuda")]
+    assert found["a GPU"][0] == found["another"][0] and found["a GPU"][1] != found["another"][1]
 
 
 def test_two_sites_of_the_same_scans(settings, tmp_path):

@@ -20,6 +20,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
 from hilbertvae.mappers.nearest import NearestMapper  # noqa: E402
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
+from hilbertvae.training.checkpoints import best_reconstructor  # noqa: E402
 from hilbertvae.training.grids_datamodule import GridsDataModule  # noqa: E402
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback  # noqa: E402
 from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
@@ -75,6 +76,16 @@ def test_a_run_leaves_a_checkpoint_that_maps(finished, room):
     assert set(found.map_weights) == {"points", "voxels"} and found.card["trained_on"] == ["1 simulated buildings"]
     mapper = HilbertMap(found).fit(room.fit.points, room.fit.occupied, room.fit.weight)
     assert np.isfinite(mapper.predict_proba(room.voxels.points)).all()
+
+
+def test_the_card_says_which_gpu_trained(finished, monkeypatch):
+    settings, path = finished
+    network, best = Reconstructor.load(path).network, f"{settings.output}/checkpoints/best.ckpt"
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: f"a GPU at {device}")
+    assert "trained_by" not in best_reconstructor(settings, network, best).card
+    on_gpu = replace(settings, trainer=replace(TRAINER, accelerator="gpu"))
+    assert best_reconstructor(on_gpu, network, best).card["trained_by"] == "a GPU at cuda"
 
 
 def let_the_first_epoch_be_the_best(monkeypatch):

@@ -19,6 +19,12 @@ def check_device(device: str) -> None:
         raise InputError(f"device: expected cpu, or cuda where there is one, got {device!r} ({str(error).splitlines()[0]})") from error
 
 
+def device_name(device: str) -> str:
+    """What computes there: the model of a GPU, else the device itself."""
+    on_gpu = torch.device(device).type == "cuda" and torch.cuda.is_available()
+    return torch.cuda.get_device_name(device) if on_gpu else device
+
+
 def fast_type(device: str = "cpu") -> torch.dtype:
     """bfloat16 on a device that multiplies in it, else float32."""
     kind = torch.device(device).type

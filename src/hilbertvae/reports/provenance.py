@@ -25,16 +25,19 @@ def provenance(
     data: dict[str, str] | None = None,
     seeds: dict[str, int] | None = None,
     seconds: dict[str, float] | None = None,
+    device: str = "cpu",
 ) -> dict:
     """Everything of `result.json` that no `Result` knows.
 
     config: the resolved settings as plain containers. identity: the part of them that can change numbers (not paths, launcher, device),
     which is hashed; all of them unless given. data: sha256 by file name. seeds: by what they seed. seconds: wall time by stage.
+    device: where networks filled maps.
     """
     import torch  # late: who only reads result files does not wait for it
 
-    from hilbertvae.reconstruction.precision import fast_type
+    from hilbertvae.reconstruction.precision import device_name, fast_type
 
+    on_cpu = torch.device(device).type == "cpu"
     return {
         "config": without_folders(config),
         "config_hash": hash_of(config if identity is None else identity),
@@ -47,7 +50,8 @@ def provenance(
             "cpu": cpu_name(),
             "cpus": os.cpu_count(),
             "threads": torch.get_num_threads(),
-            "numbers": str(fast_type()).removeprefix("torch."),  # that networks run in on this processor
+            "numbers": str(fast_type(device)).removeprefix("torch."),  # that networks run in there
+            **({} if on_cpu else {"filled_by": device_name(device)}),
         },
         "data": data or {},
         "seeds": seeds or {},

@@ -81,11 +81,14 @@ class Report:
 
     def __call__(self, result: Result, site: Site, mappers: dict[str, Mapper]) -> None:
         folder = site_folder(self.folder, site.name, first=not self.written)
-        networks = [m.reconstructor for m in mappers.values() if isinstance(getattr(m, "reconstructor", None), Reconstructor)]
-        trained = next((network.seconds for network in networks), {})  # also those of a network trained by an earlier run
+        ours = next((m for m in mappers.values() if isinstance(getattr(m, "reconstructor", None), Reconstructor)), None)
+        trained = ours.reconstructor.seconds if ours else {}  # also those of a network trained by an earlier run
         seconds = {**trained, "until_scored": time.perf_counter() - self.started}
-        about = provenance(self.config, identity=self.identity, data=self.data, seeds=self.seeds, seconds=seconds)
+        device = ours.device if ours else "cpu"
+        about = provenance(self.config, identity=self.identity, data=self.data, seeds=self.seeds, seconds=seconds, device=device)
         about["git"] = self.git
+        if trained and "trained_by" in ours.reconstructor.card:
+            about["host"]["trained_by"] = ours.reconstructor.card["trained_by"]
         self.written.append(write_result(folder / "result.json", result, about))
         with atomic(folder / "scores.md") as temporary:
             temporary.write_text(scores_text(result), encoding="utf-8")

@@ -97,7 +97,8 @@ def _host(run: Made) -> str:
     host = run.about["host"]
     threads = host.get("threads", "?")
     numbers = f", networks in {host['numbers']}" if "numbers" in host else ""  # older results don't say
-    return f"{host.get('cpu', 'an unknown processor')}, {threads} thread{'' if threads == 1 else 's'}{numbers}"
+    gpus = "".join(f", {key.replace('_', ' ')} {host[key]}" for key in ("filled_by", "trained_by") if key in host)
+    return f"{host.get('cpu', 'an unknown processor')}, {threads} thread{'' if threads == 1 else 's'}{numbers}{gpus}"
 
 
 def _names(names: list[str]) -> str:

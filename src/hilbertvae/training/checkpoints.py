@@ -10,8 +10,10 @@ from lightning.pytorch.callbacks.early_stopping import EarlyStoppingReason
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 
 from hilbertvae.files import atomic
+from hilbertvae.reconstruction.precision import device_name
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.provenance import made_by
+from hilbertvae.training.devices import training_device
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import many_simulated
 
@@ -59,6 +61,7 @@ def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) 
         "steps": saved["global_step"],
         "seed": settings.seed,
         **made_by(),
+        **({"trained_by": device_name(device)} if (device := training_device(settings)) != "cpu" else {}),
         **({"started_from": Reconstructor.load(settings.trainer.initial).card} if settings.trainer.initial else {}),
     }
     return Reconstructor(

@@ -15,7 +15,9 @@ import torch
 import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.files import file_sha256, hash_of
+from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reconstruction.precision import device_name
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.provenance import cpu_name, package_versions
 from hilbertvae.reports.result_json import read_result, write_result
@@ -32,7 +34,7 @@ class KeptScores:
     """The place, in a run's folder, of what `evaluate_alike` found on one site with one gap seed.
 
     Files are named after all that they depend on: the site with its contents, the protocol, the mappers with their networks, the code, and
-    what computes beside what on which processor, since their seconds stand in one table.
+    what computes beside what on which processor or GPU, since their seconds stand in one table.
     """
 
     def __init__(self, settings: Settings, reference: str):
@@ -86,10 +88,12 @@ CODE = _code_hash()
 
 
 def _described(mapper: Mapper) -> list:
-    """A mapper's class, the source of one that is not ours, and its settings: networks and files by their contents."""
+    """A mapper's class, the source of one that is not ours, and its settings: networks and files by contents, a GPU by its model."""
     kind = type(mapper)
     again = ("seed", "centres") if mapper.told_gaps else ("seed",)  # set for each gap seed
     parameters = {key: _plain(value) for key, value in mapper.get_params(deep=False).items() if key not in again}
+    if isinstance(mapper, HilbertMap):
+        parameters["device"] = device_name(mapper.device)
     return [f"{kind.__module__}.{kind.__qualname__}", _foreign_source(kind), parameters]
 
 
