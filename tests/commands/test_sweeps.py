@@ -193,6 +193,15 @@ class TestASweepSurvives:
         assert done.returncode == 1 and "1 of 2 jobs have results" in done.stdout
         assert "FAILED gated_small-seed-1: run: InputError: seed" in done.stdout
 
+    def test_a_multirun_that_only_trains_is_finished_with_its_networks(self, tmp_path):
+        command = [*TRAIN, "-m", "debug=fast", "trainer.threads=1", "mapper=[]", "data.test=[]", "seed=0,1"]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True, env=environment())
+        assert "2 of 2 jobs have results" in done.stdout and "FAILED" not in done.stdout
+        assert "gated_small-seed1: trained, nothing scored" in done.stdout
+        again = subprocess.run([*command[:-1], "seed=1,-1"], cwd=tmp_path, capture_output=True, text=True, check=False, env=environment())
+        assert "seed1: finished before" in again.stdout and "1 of 2 jobs have results" in again.stdout
+        assert "FAILED gated_small-seed-1: run: InputError: seed" in again.stdout
+
     def test_jobs_that_would_share_a_folder_are_refused(self, tmp_path):
         done = multirun(tmp_path, "cases/ablation=default", "validation_gap_m=1.5,2.5")
         assert done.returncode == 2 and "a folder for each job, got several in default-seed0" in done.stderr

@@ -2,12 +2,23 @@ import json
 import math
 
 import pytest
-from reports_toys import result
+from reports_toys import reconstructor, result
 
 from hilbertvae.checks import InputError
 from hilbertvae.reports.provenance import provenance
 from hilbertvae.reports.result_json import read_result, write_result
-from hilbertvae.reports.run_state import RUN, TRAINING, UNFINISHED, clear, forget, is_finished, site_folder, was_scored_alone, write_failure
+from hilbertvae.reports.run_state import (
+    RUN,
+    TRAINING,
+    UNFINISHED,
+    clear,
+    forget,
+    is_finished,
+    is_trained,
+    site_folder,
+    was_scored_alone,
+    write_failure,
+)
 
 IDENTITY = {"training": "abc"}
 
@@ -48,6 +59,22 @@ def test_pictures_that_are_asked_for_are_part_of_it(finished):
     assert not is_finished(folder, [found.site], IDENTITY, pictures=True)
     (folder / "pictures").mkdir()
     assert is_finished(folder, [found.site], IDENTITY, pictures=True)
+
+
+def test_a_training_is_done_when_its_network_is_there(tmp_path):
+    assert not is_trained(tmp_path)
+    network = reconstructor()
+    network.card = {"training_hash": "abc"}
+    network.save(tmp_path / "model.safetensors")
+    assert not is_trained(tmp_path)
+    (tmp_path / TRAINING).write_text('{"training_hash": "abc", "kept_name": "x"}')
+    assert is_trained(tmp_path) and is_trained(tmp_path, "abc") and not is_trained(tmp_path, "other")
+    (tmp_path / TRAINING).write_text('{"training_hash": "another, begun since"}')
+    assert not is_trained(tmp_path) and not is_trained(tmp_path, "abc")
+    (tmp_path / TRAINING).write_text('{"training_hash": "abc"}')
+    network.card = {}
+    network.save(tmp_path / "model.safetensors")
+    assert not is_trained(tmp_path)
 
 
 def test_all_results_of_a_folder_are_forgotten_and_nothing_else(finished):

@@ -8,7 +8,7 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
@@ -21,8 +21,16 @@ from omegaconf import DictConfig, OmegaConf
 from hilbertvae.checks import InputError
 from hilbertvae.files import json_object, write_json
 from hilbertvae.reports.result_json import read_result
+from hilbertvae.reports.run_state import is_trained
 from hilbertvae.tables.clustering import NAME as CLUSTERING
 from hilbertvae.tables.sweep import SWEEP
+
+
+class Job(NamedTuple):
+    """One job of a multirun: the name of its folder, and whether it scores anything or only trains."""
+
+    name: str
+    scored: bool
 
 
 class SweepProgress(Callback):
@@ -38,15 +46,16 @@ class SweepProgress(Callback):
         if any(word.partition("=")[0] == "output" for word in config.hydra.overrides.task):
             print("output: expected none with -m, where each job has a folder below hydra.sweep.dir; set that one", file=sys.stderr)
             sys.exit(2)
-        folder, jobs = Path(config.hydra.sweep.dir), job_folders(config)
-        if shared := [name for name, times in Counter(jobs).items() if times > 1]:  # they would overwrite each other's results
+        folder, jobs = Path(config.hydra.sweep.dir), all_jobs(config)
+        names = [job.name for job in jobs]
+        if shared := [name for name, times in Counter(names).items() if times > 1]:  # they would overwrite each other's results
             several = f"expected a folder for each job, got several in {', '.join(shared)}"
             print(f"hydra.sweep.subdir: {several}; add {telling_subdir(config)}", file=sys.stderr)
             sys.exit(2)
         sweep = OmegaConf.select(config, "hydra.runtime.choices.sweep")
         if sweep:  # any other multirun may be of anything; hilbertvae-table is told what with --sweep
             known = earlier_jobs(folder / SWEEP, sweep, config.size)
-            write_json(folder / SWEEP, {"sweep": sweep, "size": config.size, "jobs": list(dict.fromkeys(known + jobs))})
+            write_json(folder / SWEEP, {"sweep": sweep, "size": config.size, "jobs": list(dict.fromkeys(known + names))})
         print(f"{len(jobs)} jobs in {folder}", flush=True)
         # Not on_multirun_end, which Hydra leaves out when a job failed.
         atexit.register(say_how_it_ended, folder, jobs)
@@ -68,26 +77,29 @@ def earlier_jobs(path: Path, sweep: str, size: str) -> list[str]:
     return [str(job) for job in jobs] if isinstance(jobs, list) else []
 
 
-def say_how_it_ended(folder: Path, jobs: list[str]) -> None:
+def say_how_it_ended(folder: Path, jobs: list[Job]) -> None:
     """A line for each job that failed or has no result, and where the others' lie."""
-    broken = {name: why for name in jobs if (why := what_failed(folder / name))}
+    broken = {job.name: why for job in jobs if (why := what_failed(folder / job.name, job.scored))}
     print(f"\n{len(jobs) - len(broken)} of {len(jobs)} jobs have results in {folder}")
+    for job in jobs:
+        if not job.scored and job.name not in broken:
+            print(f"{job.name}: trained, nothing scored")
     for name, why in broken.items():
         print(f"FAILED {name}: {why}")
     sys.stdout.flush()
 
 
-def job_folders(config: DictConfig) -> list[str]:
-    """The names of the folders of a multirun's jobs, in their order, as Hydra's own sweeper makes them."""
-    folders = []
+def all_jobs(config: DictConfig) -> list[Job]:
+    """A multirun's jobs in their order, in folders as Hydra's own sweeper makes them."""
+    jobs = []
     for number, words in enumerate(job_overrides(config)):
         job = GlobalHydra.instance().config_loader().load_sweep_config(config, words)
         OmegaConf.set_readonly(job, False)
         job.hydra.job.num = number
         job.hydra.job.id = str(number)
         HydraConfig.instance().set_config(job)  # `${hydra:...}` in the name of a folder asks there; each job sets its own later
-        folders.append(job.hydra.sweep.subdir)
-    return folders
+        jobs.append(Job(job.hydra.sweep.subdir, scored=bool(job.mapper and job.data.test)))
+    return jobs
 
 
 def job_overrides(config: DictConfig) -> list[list[str]]:
@@ -112,10 +124,12 @@ def telling_subdir(config: DictConfig) -> str:
     return f"'hydra.sweep.subdir={'_'.join(parts)}'"
 
 
-def what_failed(folder: Path) -> str | None:
-    """What the result in a job's folder says of a failure; None for one that is well."""
+def what_failed(folder: Path, scored: bool) -> str | None:
+    """What the result in a job's folder says of a failure; None for one that is well, as is the network of one that only trains."""
     if (folder / CLUSTERING).exists():
         return "; ".join(json.loads((folder / CLUSTERING).read_text(encoding="utf-8"))["failed"].values()) or None
+    if not scored and is_trained(folder) and not (folder / "result.json").exists():
+        return None
     try:
         result, _ = read_result(folder / "result.json")
     except InputError as error:

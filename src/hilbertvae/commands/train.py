@@ -25,7 +25,7 @@ from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSett
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.reconstruction.shipped import checkpoint_path
-from hilbertvae.reports.run_state import clear, forget, is_finished, was_scored_alone, write_failure
+from hilbertvae.reports.run_state import clear, forget, is_finished, is_trained, was_scored_alone, write_failure
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.signals import stopped_by_signals
 from hilbertvae.site import open_site, site_name
@@ -98,7 +98,8 @@ def run(settings: Settings, again: bool = True) -> int:
     if not again:
         names = [site_name(site) for site in data.test]
         with contextlib.suppress(InputError, OSError):  # what can't be read is told below, and is not finished
-            if is_finished(settings.output, names, _identity(settings), settings.pictures):
+            scored = is_finished(settings.output, names, _identity(settings), settings.pictures)
+            if scored or (not (settings.mapper and names) and is_trained(settings.output, training_hash(settings))):
                 print(f"{settings.output}: finished before")
                 return 0
         forget(settings.output)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 from pathlib import Path
@@ -46,6 +47,18 @@ def is_finished(folder: str | Path, sites: list[str], identity: dict, pictures: 
         if pictures and result.scores and not (path.parent / PICTURES).is_dir():
             return False
     return bool(sites)
+
+
+def is_trained(folder: str | Path, training_hash: str | None = None) -> bool:
+    """Whether the training that was last begun in a folder has left its network there; with `training_hash`, whether that is its hash."""
+    from hilbertvae.reconstruction.reconstructor import Reconstructor  # late: who only reads result files does not wait for it
+
+    try:
+        begun = json.loads((Path(folder) / TRAINING).read_text(encoding="utf-8"))["training_hash"]
+        ended = Reconstructor.load(Path(folder) / "model.safetensors").card["training_hash"]
+    except (InputError, OSError, ValueError, KeyError, TypeError):  # missing, damaged, or of another version: to be made again
+        return False
+    return begun == ended and training_hash in (None, ended)
 
 
 def forget(folder: str | Path) -> None:

@@ -14,7 +14,7 @@ from hilbertvae.reconstruction.precision import device_name
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.training.devices import training_device
-from hilbertvae.training.settings import Settings
+from hilbertvae.training.settings import Settings, training_hash
 from hilbertvae.training.site_roles import many_simulated
 
 
@@ -60,6 +60,7 @@ def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) 
         "epoch": saved["epoch"],
         "steps": saved["global_step"],
         "seed": settings.seed,
+        "training_hash": training_hash(settings),
         **made_by(),
         **({"trained_by": device_name(device)} if (device := training_device(settings)) != "cpu" else {}),
         **({"started_from": Reconstructor.load(settings.trainer.initial).card} if settings.trainer.initial else {}),
