@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
@@ -22,7 +23,7 @@ from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.training.scoring import give_networks
-from toy_rooms import tiny_reconstructor
+from toy_rooms import carmen_line, tiny_reconstructor, write_log
 
 pytestmark = pytest.mark.filterwarnings("ignore")
 
@@ -194,6 +195,12 @@ class TestNoNetwork:
         settings = fast(tmp_path, "mapper=[nearest,all-occupied]", "pictures=false")
         assert run(settings) == 0
         assert not (tmp_path / "run/checkpoints").exists()
+
+
+def test_own_scans_are_known_by_what_lies_there(tmp_path):
+    log = write_log(tmp_path / "attic.log", [carmen_line(np.full(180, 3.0), (x, 0, 0)) for x in np.arange(0, 5, 0.5)])
+    run(fast(tmp_path, "mapper=[nearest]", "pictures=false", "evaluation.occlusion=false", f"data.test=[{log}]"))
+    assert read_result(tmp_path / "run/result.json")[1]["data"] == {"attic.log": file_sha256(log)}
 
 
 class TestErrors:

@@ -9,7 +9,7 @@ from hilbertvae.files import path_sha256
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.training.scoring import give_networks
-from hilbertvae.training.site_roles import check_roles, check_unseen, many_simulated, place
+from hilbertvae.training.site_roles import check_roles, check_unseen, many_simulated, own_sites, place
 from hilbertvae.training.train import train
 from toy_rooms import tiny_reconstructor
 
@@ -50,6 +50,30 @@ def test_what_a_network_has_not_seen_is_one_and_its_validation_site_may_be_asked
         "the network",
     )
     check_unseen(["intel"], {}, "data.test", "the network")
+
+
+def test_a_training_site_that_was_moved_is_none_to_test_on(tmp_path):
+    (tmp_path / "drives/monday").mkdir(parents=True)
+    (tmp_path / "drives/monday/0.txt").write_text("1 2 3")
+    (tmp_path / "drives/tuesday.txt").write_text("4 5 6")
+    monday = str(tmp_path / "drives/monday")
+    before = {"trained_on": [monday], "trained_on_sha256": own_sites([monday, "fr079", "simulated:1", "no/such.log"])}
+    assert [*before["trained_on_sha256"]] == [monday]
+    moved = str((tmp_path / "drives/monday").rename(tmp_path / "office"))
+    for card in (before, {"trained_on": ["fr079"], "started_from": before}):
+        with pytest.raises(InputError, match="data.test: .*office is among what the network was trained on"):
+            check_unseen([moved], card, "data.test", "the network")
+        check_unseen([str(tmp_path / "drives/tuesday.txt"), "intel"], card, "data.test", "the network")
+    with pytest.raises(InputError, match="data.test: .*monday is among"):
+        check_unseen([monday], before, "data.test", "the network")
+    check_unseen([moved], {"trained_on": [monday]}, "data.test", "the network")  # a card of before has the path alone
+
+
+def test_what_would_take_long_to_read_is_known_by_its_path(tmp_path, monkeypatch):
+    (tmp_path / "drive.txt").write_text("1 2 3")
+    assert own_sites([str(tmp_path / "drive.txt")])
+    monkeypatch.setattr("hilbertvae.training.site_roles.LARGEST_BYTES", 5)
+    assert not own_sites([str(tmp_path / "drive.txt")])
 
 
 @pytest.mark.parametrize("first", [0, 1600])

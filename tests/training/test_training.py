@@ -16,6 +16,7 @@ pytest.importorskip("shapely")
 
 import hilbertvae.training.train as train_module  # noqa: E402
 from hilbertvae.checks import InputError  # noqa: E402
+from hilbertvae.files import file_sha256  # noqa: E402
 from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
 from hilbertvae.mappers.nearest import NearestMapper  # noqa: E402
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings  # noqa: E402
@@ -86,6 +87,15 @@ def test_the_card_says_which_gpu_trained(finished, monkeypatch):
     assert "trained_by" not in best_reconstructor(settings, network, best).card
     on_gpu = replace(settings, trainer=replace(TRAINER, accelerator="gpu"))
     assert best_reconstructor(on_gpu, network, best).card["trained_by"] == "a GPU at cuda"
+
+
+def test_the_card_says_what_lay_at_the_paths_it_was_trained_on(finished, tmp_path):
+    settings, path = finished
+    network, best = Reconstructor.load(path).network, f"{settings.output}/checkpoints/best.ckpt"
+    assert "trained_on_sha256" not in best_reconstructor(settings, network, best).card
+    log = write_log(tmp_path / "attic.log", [carmen_line(np.full(180, 2.0), [0, 0, 0])])
+    settings = replace(settings, data=replace(settings.data, train=["fr079", str(log)]))
+    assert best_reconstructor(settings, network, best).card["trained_on_sha256"] == {str(log): file_sha256(log)}
 
 
 def let_the_first_epoch_be_the_best(monkeypatch):

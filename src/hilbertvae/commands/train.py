@@ -25,11 +25,13 @@ from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSett
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.reconstruction.shipped import checkpoint_path
+from hilbertvae.reports.provenance import without_folders
 from hilbertvae.reports.run_state import clear, forget, is_finished, is_trained, was_scored_alone, write_failure
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.signals import stopped_by_signals
 from hilbertvae.site import open_site, site_name
 from hilbertvae.training.settings import TRAINED, Settings, training_hash
+from hilbertvae.training.site_roles import own_sites
 
 PACKAGE = Path(hilbertvae.__file__).parent
 # The wheel carries the folders inside the package; a checkout has them at the top.
@@ -131,7 +133,8 @@ def run(settings: Settings, again: bool = True) -> int:
                 if role != "test":
                     yield open_site(site, settings.resolution_m, settings.source()), role
 
-    hashes = site_hashes(list(sites)) | _given(settings)
+    own = {without_folders(site): found for site, found in own_sites(sites).items()}
+    hashes = site_hashes(list(sites)) | own | _given(settings)
     write = Report(settings.output, config, identity, seeds, hashes, others, settings.pictures)
     if other_scoring:
         clear(settings.output)

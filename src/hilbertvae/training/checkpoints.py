@@ -15,7 +15,7 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.training.devices import training_device
 from hilbertvae.training.settings import Settings, training_hash
-from hilbertvae.training.site_roles import many_simulated
+from hilbertvae.training.site_roles import many_simulated, own_sites
 
 
 class AtomicCheckpoints(TorchCheckpointIO):
@@ -62,6 +62,7 @@ def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) 
         "seed": settings.seed,
         "training_hash": training_hash(settings),
         **made_by(),
+        **({"trained_on_sha256": contents} if (contents := own_sites(settings.data.train)) else {}),
         **({"trained_by": device_name(device)} if (device := training_device(settings)) != "cpu" else {}),
         **({"started_from": Reconstructor.load(settings.trainer.initial).card} if settings.trainer.initial else {}),
     }

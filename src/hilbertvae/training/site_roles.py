@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from hilbertvae.site import SIMULATED, site_name
 MANY = re.compile(r"(\d+) simulated \w+(?: from (\d+) on)?")
 """How `many_simulated` says it."""
 LARGEST_BYTES = 500_000_000
-"""No site of the catalogue is as large, and to read what is would take long."""
+"""No site of the catalogue is as large, and to read what is would take long: it is known by its path alone."""
 
 
 def check_roles(train: list[str], validate: str, test: list[str], calibrate: Sequence[str] = ()) -> None:
@@ -49,10 +49,12 @@ def many_simulated(dimension: int, count: int, first: int) -> str:
 
 
 def check_unseen(sites: list[str], card: dict, key: str, network: str) -> None:
-    """An `InputError` if one of `sites`, of config key `key`, is among what a network was trained on, as its card says.
+    """An `InputError` if one of `sites`, of config key `key`, is among what a network was trained on, as its card says: at a path by what
+    lies there, whatever it is called now, and by the path.
 
     network: which one, for the message. The site that it was validated on may be asked: that is where choices are made."""
     trained: set[str] = set()
+    contents = {found for stage in stages(card) for found in stage.get("trained_on_sha256", {}).values()}  # older cards have none
     simulated: list[range] = []
     for site in (site for stage in stages(card) for site in stage.get("trained_on", [])):
         if several := MANY.fullmatch(site):
@@ -61,8 +63,14 @@ def check_unseen(sites: list[str], card: dict, key: str, network: str) -> None:
         else:
             trained.add(place(site))
     known = [site for site in sites if (at := place(site)) in trained or any(_number(at) in many for many in simulated)]
+    known += [site for site, found in own_sites(sites).items() if contents and found in contents and site not in known]
     if known:
         raise InputError(f"{key}: {', '.join(known)} is among what {network} was trained on")
+
+
+def own_sites(references: Iterable[str]) -> dict[str, str]:
+    """sha256 by reference of those sites that are at paths, but for what would take long to read."""
+    return {site: found for site in references if is_scan_path(site) and (found := _contents(Path(site)))}
 
 
 def place(reference: str) -> str:
@@ -72,11 +80,14 @@ def place(reference: str) -> str:
     if not is_scan_path(reference):
         return reference
     path = Path(reference).resolve()
-    files = [file for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file()]
-    if not 0 < sum(file.stat().st_size for file in files) < LARGEST_BYTES:
-        return str(path)
-    found = path_sha256(path)
+    found = _contents(path)
     return next((entry.name for entry in CATALOGUE.values() if entry.sha256 == found), str(path))
+
+
+def _contents(path: Path) -> str | None:
+    """The sha256 of what lies at a path; None of nothing, and of what is too large."""
+    files = [file for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file()]
+    return path_sha256(path) if 0 < sum(file.stat().st_size for file in files) < LARGEST_BYTES else None
 
 
 def _number(reference: str) -> float:
