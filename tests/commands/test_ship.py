@@ -10,6 +10,8 @@ from hilbertvae.reconstruction import shipped
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.result_json import write_result
 from hilbertvae.scoring.protocol import Protocol, evaluate
+from hilbertvae.training.learned_as import KEY, learned_as
+from hilbertvae.training.settings import DataSettings, Settings
 from toy_rooms import tiny_reconstructor
 
 CARD = {"trained_on": ["fr079", "2 simulated buildings"], "validated_on": "toy", "epoch": 3, "steps": 40, "seed": 0,
@@ -109,6 +111,20 @@ def test_weights_of_a_map_may_be_learned_on_several_sites(folder, trained, monke
     assert main(["2d", "--checkpoint", "2d"]) == 0 and opened[2:] == opened[:2]  # as its card says
     assert main(["2d", "--checkpoint", str(trained), "--calibrate", "aces"]) == 2
     assert "--calibrate: aces is among what the network was trained on" in capsys.readouterr().err
+
+
+def test_simulated_sites_are_made_as_in_the_training(folder, tmp_path, monkeypatch, room, capsys):
+    told = Settings(data=DataSettings(simulated_scans=20), validation_gap_m=1.5, calibration_seeds=[7])
+    sources, learned = [], []
+    monkeypatch.setattr(ship, "open_site", lambda reference, resolution_m, source: (sources.append(source), room)[1])
+    learn = ship.learn_rank_weights
+    monkeypatch.setattr(ship, "learn_rank_weights", lambda *what, **how: (learned.append(how), learn(*what, **how))[1])
+    made = tiny_reconstructor(seed=3)
+    for card, settings, said in ((CARD | {KEY: learned_as(told)}, told, "as in its training"), (CARD, Settings(), "by defaults")):
+        made.card = card
+        assert main(["2d", "--checkpoint", str(made.save(tmp_path / "model.safetensors"))]) == 0
+        assert sources.pop() == settings.source() and learned.pop() == settings.calibration()
+        assert f"2d: its map's weights are learned on toy, {said}" in capsys.readouterr().out
 
 
 def test_what_can_not_be_shipped(folder, tmp_path, capsys):

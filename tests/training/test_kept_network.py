@@ -157,6 +157,12 @@ class TestWeightsLearnedAnew:
         ):
             self.scored(other, path, neighbours=1)
 
+    def test_the_same_site_made_otherwise_is_said(self, first):
+        settings, path = first
+        other = replace(settings, data=replace(settings.data, simulated_scans=15))
+        with pytest.warns(UserWarning, match="own were learned on simulated:900001, made otherwise; results"):
+            self.scored(other, path, neighbours=1)
+
     def test_grids_farther_apart_are_fewer_and_weighed_on_their_own(self, first):
         farther = first[0].grid.cluster_diameter_m / 2
         usual, sparse = self.scored(*first), self.scored(*first, inner_radius_m=farther)

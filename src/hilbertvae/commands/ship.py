@@ -20,7 +20,7 @@ from hilbertvae.reconstruction.training_card import calibrated_on
 from hilbertvae.reports.card import card_text
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.site import open_site
-from hilbertvae.training.settings import Settings
+from hilbertvae.training.learned_as import KEY, settings_of
 from hilbertvae.training.site_roles import check_unseen
 
 
@@ -39,7 +39,8 @@ def ship(
     are read between cells, whatever its training had. mean: take the mean of its weights and those of the network that is shipped as
     `name` now, from which it was trained on. calibrate: the sites that the map's weights are learned on, if not those of its training.
     occupied_weight: what an occupied point counts for in the weights for points, which says where the cuts lie between precision and
-    recall; as in those that the checkpoint has, unless given."""
+    recall; as in those that the checkpoint has, unless given. Simulated sites are made, and gaps cut, as in its training, if its card says
+    how; else as by default."""
     if occupied_weight is not None:
         check_occupied_weight(occupied_weight, "--occupied-weight")
     trained = Reconstructor.load(checkpoint)
@@ -50,14 +51,16 @@ def ship(
         trained = replace(trained, grid=replace(trained.grid, frame=replace(trained.grid.frame, rotation=rotation)))
     if interpolated:
         trained = replace(trained, grid=replace(trained.grid, interpolated=True))
-    defaults = Settings(dimension=trained.dimension)
+    known = settings_of(trained.card, trained.dimension)
     with tempfile.TemporaryDirectory() as folder:
         packed = Reconstructor.load(replace(trained, map_weights={}).save(Path(folder) / "packed.safetensors", packed=True))
     references = list(calibrate) or calibrated_on(trained.card)
     check_unseen(references, trained.card, "--calibrate", "the network")
-    sites = [open_site(reference, trained.resolution_m, defaults.source()) for reference in references]
+    how = "as in its training" if KEY in trained.card else "by defaults"
+    print(f"{name}: its map's weights are learned on {', '.join(references)}, {how}")
+    sites = [open_site(reference, trained.resolution_m, known.source()) for reference in references]
     mapper = HilbertMap(packed)
-    packed.map_weights = learn_rank_weights(mapper, sites, **defaults.calibration() | counted)
+    packed.map_weights = learn_rank_weights(mapper, sites, **known.calibration() | counted)
     packed.card = {**trained.card, "flips": mapper.flips_, "calibrated_on": references}
     return packed.save(checkpoint_path(name), packed=True)
 
@@ -87,7 +90,6 @@ def main(words: list[str] | None = None) -> int:
     given = parser.parse_args(words)
     try:
         if given.checkpoint:
-            print(f"{given.name}: its map's weights are learned")
             how = (given.rotation, given.interpolated, given.mean, given.calibrate, given.occupied_weight)
             print(ship(given.checkpoint, given.name, *how))
         print(write_card(given.name, given.results))

@@ -14,6 +14,7 @@ from hilbertvae.reconstruction.precision import device_name
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.training.devices import training_device
+from hilbertvae.training.learned_as import KEY, learned_as
 from hilbertvae.training.settings import Settings, training_hash
 from hilbertvae.training.site_roles import many_simulated, own_sites
 
@@ -57,6 +58,7 @@ def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) 
         "trained_on": [*settings.data.train, many_simulated(settings.dimension, settings.data.simulated, settings.data.simulated_first)],
         "validated_on": settings.data.validate,
         "calibrated_on": settings.calibration_sites(),
+        KEY: learned_as(settings),
         "epoch": saved["epoch"],
         "steps": saved["global_step"],
         "seed": settings.seed,

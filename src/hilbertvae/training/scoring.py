@@ -24,9 +24,10 @@ from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 from hilbertvae.training.devices import filling_device
 from hilbertvae.training.kept_scores import KeptScores, forget_scores
+from hilbertvae.training.learned_as import KEY, as_made, settings_of
 from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.settings import TRAINED, Settings
-from hilbertvae.training.site_roles import check_unseen, place
+from hilbertvae.training.site_roles import check_unseen
 
 Writer = Callable[[Result, Site, dict[str, Mapper]], None]
 NOT_THERE = object()
@@ -95,9 +96,12 @@ def _check_calibration_sites(settings: Settings, card: dict) -> None:
     key, sites = "data.calibrate" if settings.data.calibrate else "data.validate", settings.calibration_sites()
     check_unseen(sites, card, key, "the network whose weights are learned anew")
     before = calibrated_on(card) or sites
-    if {*map(place, before)} != {*map(place, sites)}:
-        now, then = (", ".join(some) for some in (sites, before))
-        text = f"{key}: weights are learned anew on {now}, the network's own were learned on {then}; results of both differ by that"
+    source = settings.source()
+    source_before = settings_of(card, settings.dimension).source() if KEY in card else source
+    if (then := as_made(before, source_before)) != (now := as_made(sites, source)):
+        otherwise = ", made otherwise" if then.keys() == now.keys() else ""
+        learned = f"the network's own were learned on {', '.join(before)}{otherwise}"
+        text = f"{key}: weights are learned anew on {', '.join(sites)}, {learned}; results of both differ by that"
         warnings.warn(text, stacklevel=2)
 
 

@@ -1,0 +1,39 @@
+"""What a network's card keeps of how simulated sites were made, and its map's weights learned: a seed alone names no site."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+from hilbertvae.checks import InputError
+from hilbertvae.simulate.street import StreetSettings
+from hilbertvae.site import SIMULATED, SiteSource
+from hilbertvae.training.settings import DataSettings, Settings
+from hilbertvae.training.site_roles import place
+
+KEY = "learned_as"
+"""In a card; those that are older have none."""
+OF_SITES = ("simulated_scans", "simulated_extent_m")
+OF_WEIGHTS = ("validation_gap_m", "calibration_seeds")
+
+
+def learned_as(settings: Settings) -> dict:
+    """What a card keeps of `settings`, as plain values."""
+    data = {"street": asdict(settings.data.street)} | {key: getattr(settings.data, key) for key in OF_SITES}
+    return {"data": data} | {key: getattr(settings, key) for key in OF_WEIGHTS}
+
+
+def settings_of(card: dict, dimension: int) -> Settings:
+    """Settings with what a card keeps of its training's, the defaults where it keeps nothing; an `InputError` for what no setting is."""
+    if KEY not in card:
+        return Settings(dimension=dimension)
+    try:
+        data = card[KEY]["data"]
+        data = DataSettings(street=StreetSettings(**data["street"]), **{key: data[key] for key in OF_SITES})
+        return Settings(dimension=dimension, data=data, **{key: card[KEY][key] for key in OF_WEIGHTS})
+    except (KeyError, TypeError) as error:
+        raise InputError(f"card.{KEY}: expected what a training of this version keeps there, got {card[KEY]!r:.60} ({error})") from error
+
+
+def as_made(sites: list[str], source: SiteSource) -> dict[str, dict | None]:
+    """One word for all spellings of each site, and how it is made where it is simulated."""
+    return {place(site): source.made_of(site)["simulated"] if site.startswith(SIMULATED) else None for site in sites}
