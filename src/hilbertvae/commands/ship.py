@@ -1,4 +1,6 @@
-"""`hilbertvae-ship`: a trained network becomes one of those that come with the package, and gets its card."""
+"""`python -m hilbertvae.commands.ship`: a trained network becomes one of those that come with the package, and gets its card.
+
+For those who publish the package: it writes into the package's own folder."""
 
 from __future__ import annotations
 
@@ -76,7 +78,7 @@ def write_card(name: str, results: list[Path]) -> Path:
 
 def main(words: list[str] | None = None) -> int:
     """Entry point; the exit code, 2 for what can't be shipped."""
-    parser = argparse.ArgumentParser(prog="hilbertvae-ship", description=__doc__.split(": ", 1)[1])
+    parser = argparse.ArgumentParser(prog="python -m hilbertvae.commands.ship", description=__doc__.split(": ", 1)[1])
     parser.add_argument("name", choices=SHIPPED, help="what `load_mapper` shall know it as")
     parser.add_argument("--checkpoint", help="model.safetensors of a training, or a name; without it the card alone is written anew")
     parser.add_argument("--rotation", help="how boxes of its maps are turned (`grid.frame.rotation`), unless as in its training")
@@ -94,7 +96,7 @@ def main(words: list[str] | None = None) -> int:
             print(ship(given.checkpoint, given.name, *how))
         print(write_card(given.name, given.results))
     except (InputError, OSError) as error:
-        print(f"hilbertvae-ship: {error}", file=sys.stderr)
+        print(f"hilbertvae.commands.ship: {error}", file=sys.stderr)
         return 2
     return 0
 
