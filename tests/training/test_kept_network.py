@@ -19,8 +19,8 @@ from hilbertvae.training import train as train_module  # noqa: E402
 from hilbertvae.training.kept_network import KeptNetwork  # noqa: E402
 from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
 from hilbertvae.training.scoring import score  # noqa: E402
-from hilbertvae.training.settings import training_hash  # noqa: E402
 from hilbertvae.training.train import kept_name, train  # noqa: E402
+from hilbertvae.training.training_hash import training_hash  # noqa: E402
 
 
 @pytest.fixture(scope="module")

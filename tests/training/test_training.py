@@ -25,8 +25,8 @@ from hilbertvae.training.checkpoints import best_reconstructor  # noqa: E402
 from hilbertvae.training.grids_datamodule import GridsDataModule  # noqa: E402
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback  # noqa: E402
 from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
-from hilbertvae.training.settings import training_hash  # noqa: E402
 from hilbertvae.training.train import _precision, train  # noqa: E402
+from hilbertvae.training.training_hash import training_hash  # noqa: E402
 
 
 @pytest.fixture(scope="module")

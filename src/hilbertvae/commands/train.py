@@ -30,8 +30,9 @@ from hilbertvae.reports.run_state import clear, forget, is_finished, is_trained,
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.signals import stopped_by_signals
 from hilbertvae.site import open_site, site_name
-from hilbertvae.training.settings import TRAINED, Settings, training_hash
+from hilbertvae.training.settings import TRAINED, Settings
 from hilbertvae.training.site_roles import own_sites
+from hilbertvae.training.training_hash import training_hash
 
 PACKAGE = Path(hilbertvae.__file__).parent
 # The wheel carries the folders inside the package; a checkout has them at the top.

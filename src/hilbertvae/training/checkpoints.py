@@ -15,8 +15,9 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.training.devices import training_device
 from hilbertvae.training.learned_as import KEY, learned_as
-from hilbertvae.training.settings import Settings, training_hash
+from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import many_simulated, own_sites
+from hilbertvae.training.training_hash import training_hash
 
 
 class AtomicCheckpoints(TorchCheckpointIO):

@@ -9,7 +9,6 @@ from typing import Any
 from hilbertvae.checks import InputError, check_count, check_finite, check_not_negative, check_positive, check_seeds
 from hilbertvae.cloud import RESOLUTION_M
 from hilbertvae.clusters.comparison import StudySettings
-from hilbertvae.files import hash_of, path_sha256
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.training_grids import ClusteringSettings
 from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, check_occupied_weight
@@ -18,7 +17,7 @@ from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.likelihood import LikelihoodSettings
 from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reconstruction.symmetry import check_flips
-from hilbertvae.scans.formats import ReadingSettings, is_scan_path
+from hilbertvae.scans.formats import ReadingSettings
 from hilbertvae.scoring.protocol import Protocol
 from hilbertvae.simulate.building import BuildingSettings
 from hilbertvae.simulate.street import StreetSettings
@@ -27,11 +26,6 @@ from hilbertvae.training.optimizers import OPTIMIZERS
 from hilbertvae.training.site_roles import check_roles
 
 TASKS = ("maps", "clustering")
-AFTERWARDS = (
-    "name", "task", "case", "size", "output", "study", "mapper", "evaluation", "pictures", "checkpoint", "trained", "scoring_processes",
-    "device",
-)  # fmt: skip
-"""Keys of what is done with a trained network, or where."""
 TRAINED = "trained"
 """What a mapper's `reconstructor` is set to when it takes the network of the run; any other text is a checkpoint's path."""
 ACCELERATORS = ("auto", "cpu", "gpu", "cuda", "mps")
@@ -70,6 +64,18 @@ class DataSettings:
     processes: int = 0
     """How many cluster sites at a time; 0: one per core."""
 
+    def check(self) -> None:
+        """An `InputError` that names the key for sites that can't be trained on."""
+        if not self.train and not self.simulated:
+            raise InputError("data.train: expected at least one site, or data.simulated buildings, got neither")
+        for key in ("simulated", "simulated_first", "processes"):
+            check_not_negative(getattr(self, key), f"data.{key}")
+        if self.simulated:
+            check_count(self.simulated_clusterings, "data.simulated_clusterings")
+        extent = self.simulated_extent_m
+        if len(extent) != 2 or not 6 <= extent[0] <= extent[1]:
+            raise InputError(f"data.simulated_extent_m: expected two lengths from 6 on, the shorter first, got {extent}")
+
 
 @dataclass
 class TrainerSettings:
@@ -104,6 +110,24 @@ class TrainerSettings:
     """Processes that train together; each draws batches of its own, so that numbers depend on it."""
     strategy: str = "auto"
     """Lightning's word for how they do: `ddp`."""
+
+    def check(self) -> None:
+        """An `InputError` that names the key for a value that trains nothing."""
+        for key, known in (("accelerator", ACCELERATORS), ("precision", PRECISIONS), ("optimizer", OPTIMIZERS)):
+            if (value := getattr(self, key)) not in known:
+                raise InputError(f"trainer.{key}: expected one of {', '.join(known)}, got {value!r}")
+        if self.initial and not Path(self.initial).is_file():
+            raise InputError(f"trainer.initial: expected a model.safetensors, got {self.initial}, which is not there")
+        for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids", "devices"):
+            check_positive(getattr(self, key), f"trainer.{key}")
+        for key in ("weight_decay", "kl_weight", "free_nats", "gradient_clip", "patience_epochs", "threads"):
+            check_not_negative(getattr(self, key), f"trainer.{key}")
+        if self.threads > MOST_THREADS:
+            raise InputError(f"trainer.threads: expected at most {MOST_THREADS}, got {self.threads}")
+        if not 0 <= self.warmup_share < 1:
+            raise InputError(f"trainer.warmup_share: expected a share in [0, 1), got {self.warmup_share}")
+        if not 0.2 <= self.kl_warmup_share <= 1:
+            raise InputError(f"trainer.kl_warmup_share: expected a share from 0.2 to 1, got {self.kl_warmup_share}")
 
 
 @dataclass
@@ -191,43 +215,20 @@ class Settings:
             raise InputError(f"dimension: expected 2 or 3, got {self.dimension}")
         check_finite(asdict(self))
         check_positive(self.resolution_m, "resolution_m")
-        for key, value, known in (
-            ("task", self.task, TASKS),
-            ("trainer.accelerator", self.trainer.accelerator, ACCELERATORS),
-            ("trainer.precision", self.trainer.precision, PRECISIONS),
-            ("trainer.optimizer", self.trainer.optimizer, OPTIMIZERS),
-        ):
-            if value not in known:
-                raise InputError(f"{key}: expected one of {', '.join(known)}, got {value!r}")
+        if self.task not in TASKS:
+            raise InputError(f"task: expected one of {', '.join(TASKS)}, got {self.task!r}")
         if not 0 <= self.seed < 2**32:
             raise InputError(f"seed: expected a whole number from 0 to {2**32 - 1}, got {self.seed}")
         self.grid.check()
         self.study.check()
         self.evaluation.check()
-        if not self.data.train and not self.data.simulated:
-            raise InputError("data.train: expected at least one site, or data.simulated buildings, got neither")
-        for key in ("simulated", "simulated_first", "processes"):
-            check_not_negative(getattr(self.data, key), f"data.{key}")
+        self.data.check()
+        self.trainer.check()
         if self.task == "clustering" and self.study.cloud == "returns" and not self.data.test:
             raise InputError("data.test: expected a site whose returns are clustered, got none")
-        extent = self.data.simulated_extent_m
-        if len(extent) != 2 or not 6 <= extent[0] <= extent[1]:
-            raise InputError(f"data.simulated_extent_m: expected two lengths from 6 on, the shorter first, got {extent}")
         check_roles([*self.data.train, *self.simulated_sites()], self.data.validate, self.data.test, self.data.calibrate)
-        if self.trainer.initial and not Path(self.trainer.initial).is_file():
-            raise InputError(f"trainer.initial: expected a model.safetensors, got {self.trainer.initial}, which is not there")
-        for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids", "devices"):
-            check_positive(getattr(self.trainer, key), f"trainer.{key}")
-        for key in ("weight_decay", "kl_weight", "free_nats", "gradient_clip", "patience_epochs", "threads"):
-            check_not_negative(getattr(self.trainer, key), f"trainer.{key}")
-        if self.trainer.threads > MOST_THREADS:
-            raise InputError(f"trainer.threads: expected at most {MOST_THREADS}, got {self.trainer.threads}")
-        if not 0 <= self.trainer.warmup_share < 1:
-            raise InputError(f"trainer.warmup_share: expected a share in [0, 1), got {self.trainer.warmup_share}")
         if self.data.train:
             check_count(self.clustering.clusterings, "clustering.clusterings")
-        if self.data.simulated:
-            check_count(self.data.simulated_clusterings, "data.simulated_clusterings")
         check_seeds(self.calibration_seeds, "calibration_seeds")
         check_positive(self.scoring_processes, "scoring_processes")
         check_positive(self.validation_gap_m, "validation_gap_m")
@@ -235,26 +236,3 @@ class Settings:
         check_flips(self.flips)
         if self.device != "auto":
             check_device(self.device)
-        if not 0.2 <= self.trainer.kl_warmup_share <= 1:
-            raise InputError(f"trainer.kl_warmup_share: expected a share from 0.2 to 1, got {self.trainer.kl_warmup_share}")
-
-
-def training_hash(settings: Settings) -> str:
-    """The hash of what can change a trained network: not of paths, devices, or what is scored afterwards."""
-    made_of = asdict(settings)
-    source = settings.source()
-    paths = [
-        site
-        for site in (*settings.data.train, settings.data.validate, *settings.data.calibrate)
-        if is_scan_path(site) and Path(site).exists()
-    ]
-    if settings.trainer.initial:
-        made_of["trainer"]["initial"] = path_sha256(settings.trainer.initial)
-    made_of["contents"] = [source.made_of(site) for site in paths]  # the same path may hold other scans when a run goes on
-    for key in AFTERWARDS:
-        made_of.pop(key)
-    for key in ("folder", "download", "cache", "processes", "test"):
-        made_of["data"].pop(key)
-    for key in ("accelerator", "strategy"):
-        made_of["trainer"].pop(key)
-    return hash_of(made_of)

@@ -31,8 +31,9 @@ from hilbertvae.training.kept_grids import GRID_SOURCES, code_hash
 from hilbertvae.training.kept_network import KeptNetwork
 from hilbertvae.training.reconstruction_module import ReconstructionModule
 from hilbertvae.training.scoring import Writer, score, use_threads
-from hilbertvae.training.settings import Settings, training_hash
+from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import check_unseen
+from hilbertvae.training.training_hash import training_hash
 
 BEST = {"monitor": "val/gap_nll", "mode": "min"}
 DISTRIBUTED = ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_PORT")
