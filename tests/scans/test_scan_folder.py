@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from point_writers import POINTS, WRITERS, random_poses, write_drive, write_e57, write_npz, write_pcd
+from point_writers import POINTS, WRITERS, random_poses, write_drive, write_npz, write_pcd
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans import scan_folder
@@ -42,58 +42,6 @@ def test_a_files_own_origin_comes_first(tmp_path):
     write_drive(tmp_path, [POINTS], pose, "{}.pcd", lambda path, points: write_pcd(path, points, viewpoint=(1.0, 2, 3, 1, 0, 0, 0)))
     expected = pose[0, :, :3] @ [1, 2, 3] + pose[0, :, 3]
     np.testing.assert_allclose(read_scan_folder(tmp_path, "hdl64").origins, np.broadcast_to(expected, POINTS.shape), rtol=0, atol=1e-12)
-
-
-MOVING = np.tile(np.eye(3, 4), (3, 1, 1))
-MOVING[:, :, 3] = np.arange(3)[:, None] * [3.0, 1.0, 0.0]
-
-
-def write_viewpoints(folder, places):
-    places = iter(places)
-    write_drive(folder, SCANS, MOVING, "{}.pcd", lambda path, points: write_pcd(path, points, viewpoint=(*next(places), 1, 0, 0, 0)))
-
-
-@pytest.fixture
-def odometry(monkeypatch):
-    """Finds `MOVING`, whatever it sees."""
-    found = iter(MOVING)
-    monkeypatch.setattr(scan_folder.KissOdometry, "register", lambda self, points: next(found))
-
-
-def test_an_origin_that_is_the_poses_place_is_one_in_the_map(tmp_path):
-    """ROS's `pointcloud_to_pcd` leaves points in the sensor's frame and says where that is in a fixed one."""
-    write_viewpoints(tmp_path, MOVING[:, :, 3])
-    with pytest.warns(UserWarning, match="2 scans say that they were taken where poses.txt places them"):
-        scans = read_scan_folder(tmp_path)
-    np.testing.assert_allclose(scans.origins, MOVING[scans.scan, :, 3], rtol=0, atol=1e-12)
-
-
-def test_an_origin_that_moves_is_none_in_the_frame_that_moves_with_it(tmp_path, odometry):
-    write_viewpoints(tmp_path, MOVING[:, :, 3])
-    with pytest.warns(UserWarning, match="taken at different places; so those are none in the sensor's own frame"):
-        scans = read_scan_folder(tmp_path, poses="kiss_icp")
-    np.testing.assert_allclose(scans.origins, MOVING[scans.scan, :, 3], rtol=0, atol=1e-12)
-
-
-def test_an_origin_that_stays_counts_beside_poses_that_are_found(tmp_path, odometry, recwarn):
-    write_viewpoints(tmp_path, [(0.1, 0.2, 0.3)] * 3)
-    scans = read_scan_folder(tmp_path, poses="kiss_icp")
-    np.testing.assert_allclose(scans.origins, MOVING[scans.scan, :, 3] + [0.1, 0.2, 0.3], rtol=0, atol=1e-12)
-    assert not recwarn.list
-
-
-@pytest.mark.parametrize("place", [(3.0, 1.0, 0.5), (0.0, 0.0, 0.0)])
-def test_stations_that_are_in_the_map_already_are_not_moved_again(tmp_path, place):
-    pose = np.column_stack([[[0.0, -1, 0], [1, 0, 0], [0, 0, 1]], place])
-    quaternion = (np.sqrt(0.5), 0, 0, np.sqrt(0.5))
-    write_drive(tmp_path, SCANS[:1], [pose], "{}.e57", lambda path, points: write_e57(path, (points, quaternion, place)))
-    with pytest.warns(UserWarning, match="1 scans are where poses.txt would place them; so they are taken as they are"):
-        scans = read_scan_folder(tmp_path)
-    np.testing.assert_allclose(scans.points, SCANS[0] @ pose[:, :3].T + place, rtol=0, atol=1e-5)
-    np.testing.assert_allclose(scans.origins, np.broadcast_to(place, (20, 3)), rtol=0, atol=1e-12)
-    pose[:, 3] += 7  # of the scanner's frame, then
-    write_drive(tmp_path, [], [pose])
-    np.testing.assert_allclose(read_scan_folder(tmp_path).origins, np.broadcast_to(pose[:, :3] @ place + pose[:, 3], (20, 3)), atol=1e-12)
 
 
 @pytest.mark.parametrize("poses", [2, 4])

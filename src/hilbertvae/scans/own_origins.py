@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.distance import pdist
 
 from hilbertvae.scans.file_points import FilePoints
 from hilbertvae.scans.point_files import read_points
@@ -14,50 +16,86 @@ from hilbertvae.scans.point_files import read_points
 SAME_PLACE_M = 0.01
 SAME_TURN = 1e-3
 LOOKED_AT = 5
-"""Files whose origins are compared before odometry: enough that a robot that moved has moved in one of them."""
+"""Files whose origins are compared: enough that a robot that moved has moved in one of them."""
 
 
 class OwnOrigins:
     """The origins of one folder's files, scan after scan.
 
     A file's origin counts in the frame of its points. Two kinds of files say another: ROS's `pointcloud_to_pcd` leaves points in the
-    sensor's frame and writes where that was in a fixed one, and an E57 station has taken its points to that one already.
+    sensor's frame and writes where that was in a fixed one, and an E57 station has taken its points to that one already. Which kind they
+    are is told by all of them together: origins are places in the map where they move as the poses do, however these were refined.
 
-    files: those of the folder. poses_path: what gives their poses; None where odometry finds them.
+    files: those of the folder. given: (S, 3, 4), their poses, of `poses_path`; None where odometry finds them.
     """
 
-    def __init__(self, files: list[Path], poses_path: Path | None):
-        self.folder, self.poses_path = files[0].parent, poses_path
-        self.moving = poses_path is None and _move(files)
-        self.repeated = self.placed = 0
+    def __init__(self, files: list[Path], given: np.ndarray | None, poses_path: Path):
+        self.files, self.given, self.poses_name = files, given, poses_path.name
+        self.moving = self.repeated = self.placed = self.replaced = 0
+        self.apart_m = 0.0
 
-    def place(self, found: FilePoints, points: np.ndarray, pose: np.ndarray | None, beam_origins: Callable) -> tuple:
-        """(where beams started (N, 3), the pose (3, 4) that takes them and `points (N, 3)` to the map frame, None as given)."""
-        if found.origins is None or (self.moving and found.pose is None):
+    def place(self, index: int, found: FilePoints, points: np.ndarray, beam_origins: Callable) -> tuple:
+        """(where beams started (N, 3), the pose (3, 4) that takes them and `points (N, 3)` of file `index` to the map frame; None for
+        odometry)."""
+        pose = None if self.given is None else self.given[index]
+        if found.origins is None:
             return beam_origins(points), pose
         start = np.broadcast_to(in_space(found.origins), points.shape)
+        if pose is not None and found.pose is not None and _same_pose(found.pose, pose):
+            self.placed += 1
+            return start, np.eye(3, 4)
+        if not self._in_the_map or (pose is None and found.pose is not None):
+            return start, pose
         if pose is None:
-            return start, None
-        if found.pose is not None:
-            if _same_pose(found.pose, pose):
-                self.placed += 1
-                return start, np.eye(3, 4)
-        elif np.linalg.norm(pose[:, 3]) > SAME_PLACE_M and (np.abs(start - pose[:, 3]) < SAME_PLACE_M).all():
+            self.moving += 1
+            return beam_origins(points), None
+        self.apart_m = max(self.apart_m, float(np.linalg.norm(_middle(found) - pose[:, 3])))
+        if found.pose is None:
             self.repeated += 1
             return beam_origins(points), pose
-        return start, pose
+        self.replaced += 1
+        turn = pose[:, :3] @ found.pose[:, :3].T
+        return start, np.column_stack([turn, pose[:, 3] - turn @ found.pose[:, 3]])
+
+    @cached_property
+    def _in_the_map(self) -> bool:
+        """Whether origins are places in the map: where they are those of the poses, or move, and more like these than not at all.
+
+        Beside odometry those are that move, of files of one origin each, where one that says nothing is at 0.
+        """
+        places, poses = [], []
+        for index in np.unique(np.linspace(0, len(self.files) - 1, LOOKED_AT).astype(int)):
+            found = read_points(self.files[index], may_be_empty=True)
+            is_one = found.pose is None and (found.origins is None or found.origins.ndim == 1)
+            if len(found.points) and (is_one or self.given is not None):
+                places.append(_middle(found))
+                poses.append(np.zeros(3) if self.given is None else self.given[index, :, 3])
+        move = len(places) > 1 and bool((np.ptp(places, axis=0) > SAME_PLACE_M).any())
+        if self.given is None or not places:
+            return move
+        if np.abs(poses).max() > SAME_PLACE_M and np.linalg.norm(np.subtract(places, poses), axis=1).max() < SAME_PLACE_M:
+            return True
+        # By distances, since the frames of an odometry and of the map may start at different places.
+        between = pdist(places)
+        return move and bool(np.abs(between - pdist(poses)).sum() < between.sum())
 
     def warn(self) -> None:
         """Warnings of what was not taken at its word."""
+        name, far = self.poses_name, f"up to {self.apart_m:.3g} m from where"
         if self.moving:
-            text = "scans say that they were taken at different places; so those are none in the sensor's own frame"
-            warnings.warn(f"{self.folder}: {text}", stacklevel=4)
-        if self.repeated:
-            text = f"{self.repeated} scans say that they were taken where {self.poses_path.name} places them; so that is no place in them"
-            warnings.warn(f"{self.folder}: {text}", stacklevel=4)
+            self._warn("scans say that they were taken at different places; so those are none in the sensor's own frame")
+        if self.repeated and self.apart_m < SAME_PLACE_M:
+            self._warn(f"{self.repeated} scans say that they were taken where {name} places them; so that is no place in them")
+        elif self.repeated:
+            text = f"{self.repeated} scans say that they were taken {far} {name} places them, and move as its poses do"
+            self._warn(f"{text}; so that is no place in them")
+        if self.replaced:
+            self._warn(f"{self.replaced} scans are {far} {name} places them; so its poses are taken, not theirs")
         if self.placed:
-            text = f"{self.placed} scans are where {self.poses_path.name} would place them; so they are taken as they are"
-            warnings.warn(f"{self.folder}: {text}", stacklevel=4)
+            self._warn(f"{self.placed} scans are where {name} would place them; so they are taken as they are")
+
+    def _warn(self, text: str) -> None:
+        warnings.warn(f"{self.files[0].parent}: {text}", stacklevel=5)
 
 
 def in_space(points: np.ndarray) -> np.ndarray:
@@ -65,14 +103,9 @@ def in_space(points: np.ndarray) -> np.ndarray:
     return points if points.shape[-1] == 3 else np.concatenate([points, np.zeros_like(points[..., :1])], axis=-1)
 
 
-def _move(files: list[Path]) -> bool:
-    """Whether scans of one origin each have different ones, where one that says nothing is at 0."""
-    chosen = np.unique(np.linspace(0, len(files) - 1, LOOKED_AT).astype(int))
-    places = []
-    for found in (read_points(files[index], may_be_empty=True) for index in chosen):
-        if len(found.points) and found.pose is None and (found.origins is None or found.origins.ndim == 1):
-            places.append(np.zeros(3) if found.origins is None else in_space(found.origins))
-    return len(places) > 1 and bool((np.ptp(places, axis=0) > SAME_PLACE_M).any())
+def _middle(found: FilePoints) -> np.ndarray:
+    """(3,): where a file says that its beams started, on average; 0 where it does not say."""
+    return np.zeros(3) if found.origins is None else in_space(found.origins).reshape(-1, 3).mean(axis=0)
 
 
 def _same_pose(one: np.ndarray, other: np.ndarray) -> bool:

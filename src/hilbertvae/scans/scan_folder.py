@@ -77,7 +77,7 @@ def read_posed_scans(
     check_poses_choice(poses)
     beam_origins = find_beam_origins(beam_origin)
     given = _given_poses(files, poses_path, lidar_to_camera) if poses is None else None
-    odometry, unit, own = KissOdometry(), UnitCheck(), OwnOrigins(files, None if given is None else poses_path)
+    odometry, unit, own = KissOdometry(), UnitCheck(), OwnOrigins(files, given, poses_path)
     kept, empty, dimension, first = ScanCollector(), 0, 0, ""
     # Odometry goes from scan to scan, so it sees those too that are left out.
     taken = range(0, len(files), every if poses is None else 1)
@@ -94,7 +94,7 @@ def read_posed_scans(
             wanted = "to find poses from" if poses is not None else f"as in {first}"
             raise InputError(f"{files[index]}: expected {5 - found.points.shape[1]}D points {wanted}, got {found.points.shape[1]}D ones")
         points = without_zeros(in_space(found.points), at_least=1 if found.origins is None else 2)
-        start, pose = own.place(found, points, None if given is None else given[index], beam_origins)
+        start, pose = own.place(index, found, points, beam_origins)
         lengths = beam_lengths(points, start)
         unit.see(lengths)
         chosen = np.flatnonzero(within_range(lengths, min_range_m, max_range_m))
