@@ -1,3 +1,4 @@
+import re
 import shutil
 import tracemalloc
 import warnings
@@ -217,3 +218,18 @@ def test_a_second_laser_is_told(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         read_bag(tmp_path / "a.bag", topic="/front")
+
+
+@pytest.mark.parametrize(
+    ("lasers", "clouds", "read", "left"),
+    [(4, 1, "4 scans of /scan", "/points (1, for a map in 3D)"), (1, 4, "4 scans of /points", "/scan (1, for a map in 2D)")],
+)
+def test_a_sensor_of_another_kind_is_told_however_rarely_it_scans(tmp_path, lasers, clouds, read, left):
+    path = write_scene(tmp_path / "a.bag", "ros1", lasers=lasers, clouds=clouds)
+    with pytest.warns(
+        UserWarning, match=re.escape(f"read are the {read} alone. Set reading.topic for another; other topics of scans: {left}")
+    ):
+        read_bag(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_bag(path, topic="/points")
