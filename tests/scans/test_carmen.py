@@ -41,6 +41,34 @@ def test_no_return_codes_are_skipped(tmp_path):
     assert set(range(180)) - set(scans.beam.tolist()) == {0, 7, 8, 9, 20, 21}
 
 
+@pytest.mark.parametrize(("code", "kind"), [(8.191, "FLASER"), (5.6, "FLASER"), (4.095, "FLASER"), (8.191, "ROBOTLASER1")])
+def test_a_no_return_code_that_could_be_a_range_is_told(tmp_path, code, kind):
+    """As lasers have it that count millimetres in 13 bits; 4 of 100 beams saw nothing, so that the map would have a wall there."""
+    rng = np.random.default_rng(0)
+    ranges = rng.uniform(1, 4, (50, 180)).round(3)
+    ranges[:, ::25] = code
+    head = "FLASER 180" if kind == "FLASER" else f"ROBOTLASER1 0 -1.57 3.14 {math.pi / 180} 80 0.01 0 180"
+    tail = "0 0 0 0 0 0 1.0 host 1.0" if kind == "FLASER" else "0 0 0 0 0 0 0 0.1 0.2 0.5 0.4 0.0 1.0 host 1.0"
+    path = write_log(tmp_path / "a.log", [f"{head} {' '.join(map(str, row))} {tail}\n" for row in ranges])
+    said = rf"a.log: 4.4 % of all ranges are the largest, {code} m: .* Set reading.max_range_m={code} to drop them"
+    with pytest.warns(UserWarning, match=said):
+        read_carmen(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(read_carmen(path, max_range_m=code)) == (ranges < code).sum()
+
+
+@pytest.mark.parametrize("times", [0, 1, 150])
+def test_a_far_range_that_few_beams_have_is_a_range(tmp_path, times):
+    """150 of 9000 are fewer than 2 %."""
+    ranges = np.random.default_rng(0).uniform(1, 8, (50, 180)).round(3)
+    ranges.flat[np.random.default_rng(1).choice(ranges.size, times, replace=False)] = 8.191
+    path = write_log(tmp_path / "a.log", [carmen_line(row, [0, 0, 0]) for row in ranges])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_carmen(path)
+
+
 def test_every_keeps_the_order_and_counts_only_laser_lines(tmp_path):
     lines = [carmen_line(np.full(180, 1.0 + k), [k, 0, 0]) for k in range(7)]
     for k in (2, 4):

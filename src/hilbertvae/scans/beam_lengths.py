@@ -13,6 +13,8 @@ LONGEST_MEDIAN_M = 1000.0
 LONGEST_BEAM_M = 1000.0
 UNLIKE_OTHERS = 20.0
 """A beam that is so many times as long as half of the others, and longer than `LONGEST_BEAM_M`, is hardly a return."""
+MANY_ALIKE = 0.02
+"""Of all ranges. Real logs, cut at 26 to 45 m, have their largest range in fewer than one of 10 000 beams."""
 ROUNDED_M = 0.025
 """Single precision that is coarser moves walls: a quarter of the smallest cell that maps have unless told otherwise."""
 
@@ -65,6 +67,32 @@ class UnitCheck:
             warnings.warn(
                 f"{path}: half of the beams are longer than {middle:.0f} m; are the coordinates in millimetres, "
                 "or is the sensor's origin in another frame? Metres are expected",
+                stacklevel=4,
+            )
+
+
+class ClippedCheck:
+    """Sees all ranges, scan by scan, and warns where they end at one that many beams have, which says that there was no return."""
+
+    def __init__(self, max_range_m: float):
+        """max_range_m: from where ranges are dropped."""
+        self._max_range_m, self._farthest_m, self._alike, self._seen = max_range_m, 0.0, 0, 0
+
+    def see(self, ranges: np.ndarray) -> None:
+        """The ranges of a scan (N,), metres; those without a return may be inf or NaN."""
+        ranges = ranges[np.isfinite(ranges)]
+        if (farthest_m := ranges.max(initial=0.0)) > self._farthest_m:
+            self._farthest_m, self._alike = float(farthest_m), 0
+        self._alike += np.count_nonzero(ranges == self._farthest_m)
+        self._seen += len(ranges)
+
+    def warn(self, path: str | os.PathLike) -> None:
+        """One `UserWarning` where such ranges were not dropped."""
+        share = self._alike / max(self._seen, 1)
+        if self._farthest_m < self._max_range_m and 1 < self._alike < self._seen and share >= MANY_ALIKE:
+            warnings.warn(
+                f"{path}: {100 * share:.2g} % of all ranges are the largest, {self._farthest_m} m: are they beams without a return? Set "
+                f"reading.max_range_m={self._farthest_m} to drop them",
                 stacklevel=4,
             )
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError, check_positive
-from hilbertvae.scans.beam_lengths import UnitCheck
+from hilbertvae.scans.beam_lengths import ClippedCheck, UnitCheck
 from hilbertvae.scans.carmen_messages import MESSAGES, beam_step_deg
 from hilbertvae.scans.scan import Scans
 
@@ -25,8 +25,9 @@ def read_carmen(path: str | os.PathLike, max_range_m: float = 30.0, every: int =
 
     Read are the messages, `FLASER` or `ROBOTLASER1`, of which the first is: some loggers write each sweep as both. A range at or above
     `max_range_m`, or above what the message says the laser measures, no-return codes among them, is an error or a miss: it is skipped and
-    carves nothing. `every` keeps each so many-th scan. step_deg: between beams, unless as the message says, or as many scans have so many
-    beams; a count that no known laser has gives a warning then. Raises `InputError` for a missing, truncated or foreign file.
+    carves nothing. Shorter codes can't be told from returns; ranges that end at one that many beams have give a warning. `every` keeps
+    each so many-th scan. step_deg: between beams, unless as the message says, or as many scans have so many beams; a count that no known
+    laser has gives a warning then. Raises `InputError` for a missing, truncated or foreign file.
     """
     path = Path(path)
     check_positive(max_range_m, "max_range_m")
@@ -34,7 +35,7 @@ def read_carmen(path: str | os.PathLike, max_range_m: float = 30.0, every: int =
         raise InputError(f"every: expected at least 1, got {every}")
     points, origins, scan, beam = [], [], [], []
     kept = seen = 0
-    unit, strange, chosen_kind = UnitCheck(), set(), None
+    unit, clipped, strange, chosen_kind = UnitCheck(), ClippedCheck(max_range_m), set(), None
     for number, line in _lines(path):
         kind = line.partition(b" ")[0]
         if kind not in MESSAGES or kind != (chosen_kind := chosen_kind or kind):
@@ -47,6 +48,7 @@ def read_carmen(path: str | os.PathLike, max_range_m: float = 30.0, every: int =
         if not sweep.known:
             strange.add(len(ranges))
         unit.see(ranges)
+        clipped.see(ranges[ranges < sweep.farthest_m])
         chosen = np.flatnonzero((ranges > MIN_RANGE_M) & (ranges < min(max_range_m, sweep.farthest_m)))
         angle = heading + np.deg2rad(sweep.first_deg + chosen * sweep.step_deg)
         end = np.column_stack([x + ranges[chosen] * np.cos(angle), y + ranges[chosen] * np.sin(angle)])
@@ -58,6 +60,7 @@ def read_carmen(path: str | os.PathLike, max_range_m: float = 30.0, every: int =
     if not seen:
         raise InputError(f"{path}: expected a CARMEN log with FLASER or ROBOTLASER1 lines, found none")
     unit.warn(path)
+    clipped.warn(path)
     if strange:
         counts = ", ".join(f"{count} beams taken to be {beam_step_deg(count):g} degrees apart" for count in sorted(strange)[:3])
         warnings.warn(f"{path}: {counts}, which no known laser has; set reading.beam_step_deg", stacklevel=3)
