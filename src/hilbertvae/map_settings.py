@@ -6,9 +6,6 @@ from dataclasses import dataclass, fields
 
 from hilbertvae.scans.formats import ReadingSettings
 
-FLAT_M = 1e-3
-"""Points of a planar laser in a format of three coordinates differ in height by rounding alone."""
-
 
 @dataclass
 class MapSettings(ReadingSettings):

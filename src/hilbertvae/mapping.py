@@ -9,8 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
-import numpy as np
-
 from hilbertvae.checks import InputError, check_cell_m, check_whole
 from hilbertvae.cloud import Cloud, fit_cloud
 from hilbertvae.exports.formats import check_names, suiting_exports, write_exports
@@ -30,7 +28,7 @@ from hilbertvae.exports.map_picture import write_picture
 from hilbertvae.exports.page import write_page
 from hilbertvae.exports.summary import map_summary, point_counts, summary_tables
 from hilbertvae.files import write_json
-from hilbertvae.map_settings import FLAT_M, MapSettings
+from hilbertvae.map_settings import MapSettings
 from hilbertvae.mappers.given_map import GivenMap, is_given_map, read_given_map, warn_of_moved_walls
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.loading import load_mapper
@@ -40,6 +38,7 @@ from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from hilbertvae.scans.kitti import VELODYNE
+from hilbertvae.scans.planar import as_plan
 from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_blocks import longest_reach_m
 
@@ -130,10 +129,7 @@ def _read(settings: MapSettings) -> Scans | GivenMap:
     scans = read_scans_path(settings.scans, settings.reading())
     if not len(scans):
         raise InputError(f"{settings.scans}: expected returns, found none; are all ranges beyond max_range_m, or no returns?")
-    if scans.dimension == 3 and np.ptp([*_ends(scans.points[:, 2]), *_ends(scans.origins[:, 2])]) < FLAT_M:
-        warnings.warn(f"{settings.scans}: all beams run at one height, so that the map is of two dimensions", stacklevel=3)
-        return Scans(scans.points[:, :2], scans.origins[:, :2], scans.scan, scans.beam)
-    return scans
+    return as_plan(scans, settings.scans)
 
 
 def _labelled(scans: str, source: Scans | GivenMap, cell_m: float) -> Cloud:
@@ -168,10 +164,6 @@ def _write(settings: MapSettings, exports: list[str], cells: MapCells, points: d
     files = sorted(file.name for file in folder.iterdir())
     write_json(folder / SUMMARY, {**summary, "scans_hash": scans_hash(Path(settings.scans)), "files": files, **made_by()})
     return files
-
-
-def _ends(values: np.ndarray) -> tuple[float, float]:
-    return values.min(), values.max()
 
 
 @dataclass

@@ -267,7 +267,9 @@ def test_a_bag_is_mapped(kind, tmp_path, monkeypatch):
 def test_planar_scans_in_a_cloud_are_mapped_in_2d(room, tmp_path):
     points, origins = (np.column_stack([part, np.full(len(part), 0.3)]) for part in (room.scans.points, room.scans.origins))
     np.savez(tmp_path / "room.npz", points=points, origins=origins, scan=room.scans.scan)
-    with pytest.warns(UserWarning, match="room.npz: all beams run at one height"):
+    with pytest.warns(
+        UserWarning, match="room.npz: each scan is planar, at heights that differ by 0 m, and leans by up to 0 degrees, so that"
+    ):
         output = make_map(MapSettings(scans=str(tmp_path / "room.npz"), output=str(tmp_path / "out"), fill=False))
     flat = make_map(MapSettings(scans=str(npz_of(room, tmp_path / "flat.npz")), output=str(tmp_path / "flat"), fill=False))
     assert (output / "map.pgm").read_bytes() == (flat / "map.pgm").read_bytes()

@@ -11,7 +11,7 @@ import numpy as np
 from hilbertvae.checks import InputError, check_points
 from hilbertvae.commands.keywords import from_home, run_command
 from hilbertvae.files import atomic
-from hilbertvae.map_settings import FLAT_M
+from hilbertvae.scans.planar import FLAT_M
 from hilbertvae.scans.point_files import read_points
 
 ABOUT = "Ask a map that hilbertvae-map wrote for p(occupied) at any points; one line of text per point."
