@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from point_writers import POINTS, write_drive, write_e57, write_npz, write_pcd
 
+from hilbertvae.checks import InputError
 from hilbertvae.scans import scan_folder
 from hilbertvae.scans.scan_folder import read_scan_folder
 
@@ -109,3 +110,31 @@ def test_stations_whose_poses_were_refined_are_placed_by_those(tmp_path):
         turn, place = poses[number, :, :3], poses[number, :, 3]
         np.testing.assert_allclose(scans.points[chosen], SCANS[number] @ turn.T + place, rtol=0, atol=1e-5)
         np.testing.assert_allclose(scans.origins[chosen], np.tile(place, (20, 1)), rtol=0, atol=1e-9)
+
+
+def write_stations(folder, places):
+    """E57 files of one scan each, turned by a quarter; no place is no pose. There is no `poses.txt`."""
+    for number, place in enumerate(places):
+        write_e57(folder / f"{number}.e57", (SCANS[number], None if place is None else (np.sqrt(0.5), 0, 0, np.sqrt(0.5)), place))
+
+
+@pytest.mark.parametrize("first", [(1.0, 2.0, 0.5), None])
+def test_stations_without_a_file_of_poses_are_where_they_say(tmp_path, recwarn, first):
+    """One may be in the frame of the others."""
+    places = [first, (5.0, 2.0, 0.0), (9.0, 3.0, 0.0)]
+    write_stations(tmp_path, places)
+    scans = read_scan_folder(tmp_path, every=2)
+    for number in (0, 2):
+        turn, place = (np.eye(3), np.zeros(3)) if places[number] is None else (QUARTER, places[number])
+        chosen = scans.scan == number // 2
+        np.testing.assert_allclose(scans.points[chosen], SCANS[number] @ turn.T + place, rtol=0, atol=1e-5)
+        np.testing.assert_allclose(scans.origins[chosen], np.tile(place, (20, 1)), rtol=0, atol=1e-9)
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize(("places", "named"), [([None, (5.0, 2.0, 0.0), None], "0.e57 and 2.e57"), ([None], "0.e57")])
+def test_stations_of_which_several_say_nothing_are_refused(tmp_path, places, named):
+    write_stations(tmp_path, places)
+    said = f"poses.txt: no such file; expected a pose for each of {len(places)} scans, .* of the others; no pose is in {named}$"
+    with pytest.raises(InputError, match=said):
+        read_scan_folder(tmp_path)

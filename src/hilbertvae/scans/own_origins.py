@@ -26,7 +26,7 @@ class OwnOrigins:
     sensor's frame and writes where that was in a fixed one, and an E57 station has taken its points to that one already. Which kind they
     are is told by all of them together: origins are places in the map where they move as the poses do, however these were refined.
 
-    files: those of the folder. given: (S, 3, 4), their poses, of `poses_path`; None where odometry finds them.
+    files: those of the folder. given: (S, 3, 4), their poses, of `poses_path`; None where odometry finds them or files have their own.
     """
 
     def __init__(self, files: list[Path], given: np.ndarray | None, poses_path: Path):
@@ -44,7 +44,7 @@ class OwnOrigins:
         if pose is not None and found.pose is not None and _same_pose(found.pose, pose):
             self.placed += 1
             return start, np.eye(3, 4)
-        if not self._in_the_map or (pose is None and found.pose is not None):
+        if (pose is None and found.pose is not None) or not self._in_the_map:
             return start, pose
         if pose is None:
             self.moving += 1

@@ -25,6 +25,8 @@ from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
 
 POSES = "poses.txt"
+POSED = ".e57"
+"""Files of this ending may have taken their points to the map by a pose of their own."""
 NOT_SCANS = {POSES, "times.txt", "timestamps.txt", "calib.txt", "readme.txt", "license.txt"}
 
 
@@ -43,6 +45,7 @@ def read_scan_folder(
     Beams start where the file says (in the frame of its points; see `OwnOrigins` for files that mean another), else where `beam_origin`
     says: a name of `BEAM_ORIGINS`, or three numbers in metres, sensor frame.
     Ranges as in `read_point_file`; `every` keeps each so many-th scan. Kept scans are numbered from 0, beams by their place in the file.
+    Without `poses.txt`, E57 files are placed by their own poses, in whose frame one file without a pose may be.
     With `poses="kiss_icp"` poses are found by odometry (see `KissOdometry`) and `poses.txt`, if there is one, is not read.
     Raises `InputError` for files of several formats, for another number of poses than of scans, and for files that can't be read.
     """
@@ -78,7 +81,7 @@ def read_posed_scans(
     beam_origins = find_beam_origins(beam_origin)
     given = _given_poses(files, poses_path, lidar_to_camera) if poses is None else None
     odometry, unit, own = KissOdometry(), UnitCheck(), OwnOrigins(files, given, poses_path)
-    kept, empty, dimension, first = ScanCollector(), 0, 0, ""
+    kept, empty, dimension, first, unposed = ScanCollector(), 0, 0, "", []
     # Odometry goes from scan to scan, so it sees those too that are left out.
     taken = range(0, len(files), every if poses is None else 1)
     for index in taken if poses is None else track(taken, FINDING):
@@ -95,6 +98,10 @@ def read_posed_scans(
             raise InputError(f"{files[index]}: expected {5 - found.points.shape[1]}D points {wanted}, got {found.points.shape[1]}D ones")
         points = without_zeros(in_space(found.points), at_least=1 if found.origins is None else 2)
         start, pose = own.place(index, found, points, beam_origins)
+        if given is None and poses is None:
+            unposed += [files[index].name] if found.pose is None else []
+            _check_unposed(files, poses_path, unposed)
+            pose = np.eye(3, 4)
         lengths = beam_lengths(points, start)
         unit.see(lengths)
         chosen = np.flatnonzero(within_range(lengths, min_range_m, max_range_m))
@@ -116,8 +123,16 @@ def read_posed_scans(
     return kept.whole()
 
 
-def _given_poses(files: list[Path], poses_path: Path, lidar_to_camera: np.ndarray | None) -> np.ndarray:
-    """(S, 3, 4), a pose for each of `files`."""
+def _check_unposed(files: list[Path], poses_path: Path, unposed: list[str]) -> None:
+    if len(unposed) > 1 or (unposed and len(files) == 1):
+        wanted = f"expected a pose for each of {len(files)} scans, there or in their files, of which one may be in the frame of the others"
+        raise InputError(f"{poses_path}: no such file; {wanted}; no pose is in {' and '.join(unposed)}")
+
+
+def _given_poses(files: list[Path], poses_path: Path, lidar_to_camera: np.ndarray | None) -> np.ndarray | None:
+    """(S, 3, 4), a pose for each of `files`; None where these may have their own."""
+    if not poses_path.exists() and files[0].suffix.lower() == POSED:
+        return None
     if not poses_path.exists():
         raise InputError(
             f"{poses_path}: no such file; expected a pose for each of {len(files)} scans. 3D scans in the order of travel can do without: "
