@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.distance import pdist
 
+from hilbertvae.scans.beam_origins import BEAM_ORIGINS, BeamOrigins
 from hilbertvae.scans.file_points import FilePoints
 from hilbertvae.scans.point_files import read_points
 
@@ -27,35 +27,41 @@ class OwnOrigins:
     are is told by all of them together: origins are places in the map where they move as the poses do, however these were refined.
 
     files: those of the folder. given: (S, 3, 4), their poses, of `poses_path`; None where odometry finds them or files have their own.
+    beam_origins: the rule for files that do not say.
     """
 
-    def __init__(self, files: list[Path], given: np.ndarray | None, poses_path: Path):
-        self.files, self.given, self.poses_name = files, given, poses_path.name
-        self.moving = self.repeated = self.placed = self.replaced = 0
+    def __init__(self, files: list[Path], given: np.ndarray | None, poses_path: Path, beam_origins: BeamOrigins):
+        self.files, self.given, self.poses_name, self.beam_origins = files, given, poses_path.name, beam_origins
+        self.said = self.moving = self.repeated = self.placed = self.replaced = 0
         self.apart_m = 0.0
 
-    def place(self, index: int, found: FilePoints, points: np.ndarray, beam_origins: Callable) -> tuple:
+    def place(self, index: int, found: FilePoints, points: np.ndarray) -> tuple:
         """(where beams started (N, 3), the pose (3, 4) that takes them and `points (N, 3)` of file `index` to the map frame; None for
         odometry)."""
         pose = None if self.given is None else self.given[index]
         if found.origins is None:
-            return beam_origins(points), pose
+            return self.beam_origins(points), pose
+        if found.pose is None and self._in_the_map:
+            if pose is None:
+                self.moving += 1
+            else:
+                self.repeated += 1
+                self._compare(found, pose)
+            return self.beam_origins(points), pose
+        self.said += 1
         start = np.broadcast_to(in_space(found.origins), points.shape)
         if pose is not None and found.pose is not None and _same_pose(found.pose, pose):
             self.placed += 1
             return start, np.eye(3, 4)
-        if (pose is None and found.pose is not None) or not self._in_the_map:
-            return start, pose
-        if pose is None:
-            self.moving += 1
-            return beam_origins(points), None
+        if pose is not None and found.pose is not None and self._in_the_map:
+            self.replaced += 1
+            self._compare(found, pose)
+            turn = pose[:, :3] @ found.pose[:, :3].T
+            pose = np.column_stack([turn, pose[:, 3] - turn @ found.pose[:, 3]])
+        return start, pose
+
+    def _compare(self, found: FilePoints, pose: np.ndarray) -> None:
         self.apart_m = max(self.apart_m, float(np.linalg.norm(_middle(found) - pose[:, 3])))
-        if found.pose is None:
-            self.repeated += 1
-            return beam_origins(points), pose
-        self.replaced += 1
-        turn = pose[:, :3] @ found.pose[:, :3].T
-        return start, np.column_stack([turn, pose[:, 3] - turn @ found.pose[:, 3]])
 
     @cached_property
     def _in_the_map(self) -> bool:
@@ -93,6 +99,8 @@ class OwnOrigins:
             self._warn(f"{self.replaced} scans are {far} {name} places them; so its poses are taken, not theirs")
         if self.placed:
             self._warn(f"{self.placed} scans are where {name} would place them; so they are taken as they are")
+        if self.said and self.beam_origins is not BEAM_ORIGINS["centre"]:
+            self._warn(f"{self.said} scans say themselves where their beams started; reading.beam_origin is not used for them")
 
     def _warn(self, text: str) -> None:
         warnings.warn(f"{self.files[0].parent}: {text}", stacklevel=5)

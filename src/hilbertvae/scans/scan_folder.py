@@ -80,7 +80,7 @@ def read_posed_scans(
     check_poses_choice(poses)
     beam_origins = find_beam_origins(beam_origin)
     given = _given_poses(files, poses_path, lidar_to_camera) if poses is None else None
-    odometry, unit, own = KissOdometry(), UnitCheck(), OwnOrigins(files, given, poses_path)
+    odometry, unit, own = KissOdometry(), UnitCheck(), OwnOrigins(files, given, poses_path, beam_origins)
     kept, empty, dimension, first, unposed = ScanCollector(), 0, 0, "", []
     # Odometry goes from scan to scan, so it sees those too that are left out.
     taken = range(0, len(files), every if poses is None else 1)
@@ -97,7 +97,7 @@ def read_posed_scans(
             wanted = "to find poses from" if poses is not None else f"as in {first}"
             raise InputError(f"{files[index]}: expected {5 - found.points.shape[1]}D points {wanted}, got {found.points.shape[1]}D ones")
         points = without_zeros(in_space(found.points), at_least=1 if found.origins is None else 2)
-        start, pose = own.place(index, found, points, beam_origins)
+        start, pose = own.place(index, found, points)
         if given is None and poses is None:
             unposed += [files[index].name] if found.pose is None else []
             _check_unposed(files, poses_path, unposed)
