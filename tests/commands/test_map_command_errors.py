@@ -177,7 +177,7 @@ def test_the_image_of_the_map_that_is_filled_is_not_replaced(room, tmp_path, cap
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
-@pytest.mark.parametrize("name", ["points.npz", "mesh.npz"])
+@pytest.mark.parametrize("name", ["points.npz", "map_observed.npz"])
 def test_scans_that_no_file_of_a_map_would_replace_may_lie_beside_it(room, tmp_path, name):
     """Their names up to the ending don't count, in the first run and in the next."""
     scans = npz_of(room, tmp_path / name)

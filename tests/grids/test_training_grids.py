@@ -46,7 +46,7 @@ def test_without_gaps_the_input_is_the_target(room):
 
 def test_turning_moves_what_boxes_see(room):
     def target(seed, turn):
-        return training_grids(room.scans, 0.1, tiny_grid(), ClusteringSettings(1, [], turn), seed)[1]
+        return training_grids(room.scans, 0.1, tiny_grid(), ClusteringSettings(1, [], turn=turn), seed)[1]
 
     straight, oblique = target(4, False), target(4, True)
     assert straight.shape != oblique.shape or (straight != oblique).any()

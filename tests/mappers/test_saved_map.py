@@ -133,7 +133,9 @@ def test_a_shipped_network_is_found_when_a_map_grows(tmp_path):
 def test_growing_without_the_network_says_how_to_give_it(tmp_path, room):
     mapper = fit(HilbertMap(network()), room.fit)
     path = save_map(mapper, tmp_path / "site.map")
-    with pytest.raises(InputError, match=r"does not come with this version of hilbertvae; .*load_map\(path, checkpoint=...\)"):
+    with pytest.raises(
+        InputError, match=r"does not come with this version .*, and is not in .*adapted.safetensors; .*load_map\(path, checkpoint=...\)"
+    ):
         load_map(path).partial_fit([[0.0, 0.0]], [True])
     other = tiny_reconstructor(seed=1).save(tmp_path / "other.safetensors")
     found = load_map(path, checkpoint=other)
