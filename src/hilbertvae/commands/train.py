@@ -21,9 +21,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.commands.clustering_study import run_clustering, write_clustering_failure
 from hilbertvae.commands.gpus import give_gpus
 from hilbertvae.files import file_sha256
-from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSettings
-from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
-from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
+from hilbertvae.reconstruction.networks import NETWORKS
 from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reports.provenance import without_folders
 from hilbertvae.reports.run_state import clear, forget, is_finished, is_trained, was_scored_alone, write_failure
@@ -56,9 +54,8 @@ store = ConfigStore.instance()
 SCHEMA = Settings(network=MISSING)
 SCHEMA.output, SCHEMA.resolution_m = "outputs/${name}", None
 store.store(name="settings_schema", node=SCHEMA)
-store.store(group="network", name="gated_schema", node=GatedNetworkSettings)
-store.store(group="network", name="conditional_schema", node=ConditionalNetworkSettings)
-store.store(group="network", name="paper_schema", node=PaperNetworkSettings)
+for kind, (schema, _) in NETWORKS.items():
+    store.store(group="network", name=f"{kind}_schema", node=schema)
 
 
 def to_settings(config: DictConfig) -> Settings:

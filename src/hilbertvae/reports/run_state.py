@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 import shutil
 from pathlib import Path
 
 from hilbertvae.checks import InputError
-from hilbertvae.files import hash_of
+from hilbertvae.files import hash_of, json_object
 from hilbertvae.reports.provenance import provenance
 from hilbertvae.reports.result_json import read_result, write_result
 from hilbertvae.scoring.result import Result
@@ -54,9 +53,9 @@ def is_trained(folder: str | Path, training_hash: str | None = None) -> bool:
     from hilbertvae.reconstruction.reconstructor import Reconstructor  # late: who only reads result files does not wait for it
 
     try:
-        begun = json.loads((Path(folder) / TRAINING).read_text(encoding="utf-8"))["training_hash"]
+        begun = json_object(Path(folder) / TRAINING)["training_hash"]
         ended = Reconstructor.load(Path(folder) / "model.safetensors").card["training_hash"]
-    except (InputError, OSError, ValueError, KeyError, TypeError):  # missing, damaged, or of another version: to be made again
+    except (InputError, KeyError, TypeError):  # missing, damaged, or of another version: to be made again
         return False
     return begun == ended and training_hash in (None, ended)
 
