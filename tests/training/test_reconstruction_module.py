@@ -98,6 +98,17 @@ def test_a_network_of_another_shape_is_no_start(tmp_path):
         module_of().start_from(str(path))
 
 
+def test_a_wider_network_goes_on_from_one_that_was_trained(tmp_path):
+    path = tiny_reconstructor(stem=2, channels=[16, 32], blocks=[1, 1], latent=3).save(tmp_path / "model.safetensors")
+    settings = tiny_settings("run", "cache")
+    module = module_of(network=replace(settings.network, stem=2, channels=[32, 48], blocks=[1, 1], latent=3)).eval()
+    module.start_from(str(path))
+    shown = pairs()[0]
+    with torch.inference_mode():
+        said = Reconstructor.load(path).network.eval()(shown).output
+        torch.testing.assert_close(module.network(shown).output, said, rtol=1e-4, atol=1e-5)
+
+
 def test_a_network_with_half_the_stem_goes_on_from_one_that_was_trained(tmp_path, logged):
     path = tiny_reconstructor(stem=4, channels=[8, 12], blocks=[1, 1], latent=3).save(tmp_path / "model.safetensors")
     settings = tiny_settings("run", "cache")

@@ -90,8 +90,13 @@ def bottom_cells(network: object, cells: int) -> int:
 
 def group_norm(channels: int) -> nn.GroupNorm:
     """GroupNorm of about 16 channels a group: the same at training and at test, whatever the batch."""
+    return nn.GroupNorm(channels // channels_a_group(channels), channels)
+
+
+def channels_a_group(channels: int) -> int:
+    """Of so many, how many share one mean and variance."""
     groups = max(1, channels // 16)
-    return nn.GroupNorm(groups if channels % groups == 0 else 1, channels)
+    return channels // groups if channels % groups == 0 else channels
 
 
 class ResidualBlock(nn.Module):

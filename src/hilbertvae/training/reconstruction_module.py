@@ -19,6 +19,7 @@ from hilbertvae.reconstruction.finer_stem import finer_weights, is_finer
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, active_dimensions, free_bits, kl_divergence, kl_weight, known_nll
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.wider_levels import is_wider, wider_weights
 from hilbertvae.training.optimizers import OPTIMIZERS
 from hilbertvae.training.settings import Settings
 
@@ -38,12 +39,14 @@ class ReconstructionModule(L.LightningModule):
         """Take the weights of a trained network. An `InputError` names the file if its network is another.
 
         One that was shown labels alone goes on with what else a `detailed` encoding shows at no weight, and so as it was; one with twice
-        the stem becomes the inner levels of this one (`finer_stem.py`).
+        the stem becomes the inner levels of this one (`finer_stem.py`), and one with fewer channels the first of this one's (`wider_levels.py`).
         """
         trained = Reconstructor.load(checkpoint)
         found = trained.network.state_dict()
         if is_finer(self.settings.network, trained.network_settings):
             found = finer_weights(found, self.network)
+        elif is_wider(self.settings.network, trained.network_settings):
+            found = wider_weights(found, self.network)
         own = self.network.state_dict()
         stem, wanted = found.get("stem.weight"), own.get("stem.weight")
         if stem is not None and wanted is not None and is_detailed(self.settings.network) and stem.shape[1] == HIT_FREE_CHANNELS:

@@ -1,0 +1,49 @@
+"""A trained network goes on with wider levels, saying at first what it said (Chen et al. 2016, Net2Net)."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from hilbertvae.reconstruction.blocks import channels_a_group
+from hilbertvae.reconstruction.gated_network import GatedNetwork
+
+
+def is_wider(wide: object, narrow: object) -> bool:
+    """Whether a network of settings `wide` is one of `narrow` but for more channels, in groups of as many (`group_norm`): a group of old
+    and new ones together would change what the old ones say."""
+    kinds = {getattr(settings, "kind", None) for settings in (wide, narrow)}
+    if kinds != {"gated"} or len(wide.channels) != len(narrow.channels) or wide.channels == narrow.channels:
+        return False
+    alike = (wide.stem, wide.blocks, wide.latent, wide.bottom) == (narrow.stem, narrow.blocks, narrow.latent, narrow.bottom)
+    pairs = list(zip(wide.channels, narrow.channels, strict=True))
+    return alike and narrow.bottom != "flat" and all(_can_grow(more, channels) for more, channels in pairs)
+
+
+def _can_grow(more: int, channels: int) -> bool:
+    return more == channels or (more > channels and channels_a_group(more) == channels_a_group(channels))
+
+
+def wider_weights(narrow: dict[str, Tensor], wide: GatedNetwork) -> dict[str, Tensor]:
+    """The state from which `wide` goes on where a network with fewer channels, of state `narrow`, has stopped.
+
+    Old channels come first, keep their weights and hear nothing of the new ones; these hear all, with the fresh weights of `wide`, and are
+    heard as training comes to need them. A join hears two levels' channels side by side, so there old ones are the first of each half.
+    """
+    found = {}
+    for name, fresh in wide.state_dict().items():
+        if name not in narrow:
+            continue  # `known_head`, which networks of before it lack
+        found[name] = weights = fresh.clone()
+        halves = 2 if name.startswith("join.") and fresh.ndim > 1 else 1
+        heard = [] if fresh.ndim == 1 else [_first(fresh.shape[1], narrow[name].shape[1], halves)]
+        old = len(narrow[name])
+        weights[:old] = 0
+        weights[(slice(old), *heard)] = narrow[name]
+    return found
+
+
+def _first(wide: int, narrow: int, halves: int) -> Tensor:
+    """(narrow,) indices among `wide` channels of the first ones of each of so many `halves`."""
+    starts = torch.arange(halves)[:, None] * (wide // halves)
+    return (starts + torch.arange(narrow // halves)).flatten()
