@@ -38,8 +38,8 @@ class ReconstructionModule(L.LightningModule):
     def start_from(self, checkpoint: str) -> None:
         """Take the weights of a trained network. An `InputError` names the file if its network is another.
 
-        One that was shown labels alone goes on with what else a `detailed` encoding shows at no weight, and so as it was; one with twice
-        the stem becomes the inner levels of this one (`finer_stem.py`), and one with fewer channels the first of this one's (`wider_levels.py`).
+        One that was shown labels alone goes on with what else a `detailed` encoding shows at no weight, and so as it was; so does one
+        with fewer channels (`wider_levels.py`). One with twice the stem becomes the inner levels of this one (`finer_stem.py`).
         """
         trained = Reconstructor.load(checkpoint)
         found = trained.network.state_dict()
