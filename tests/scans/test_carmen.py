@@ -185,13 +185,13 @@ def test_a_foreign_file(tmp_path, content):
         ("FLASER 3 1.0 2.0 3.0 0.5 0.5\n", "line 3: truncated"),
         ("FLASER 1000000000 1.0 0 0 0\n", "line 3: expected at most 4096 ranges, the line claims 1000000000"),
         (f"FLASER {'9' * 5000} 1.0 0 0 0\n", "line 3: expected"),
-        ("FLASER 0 1.0 0 0 0\n", "expected ranges below 30.0 m, found none in 1 scans"),
+        ("FLASER 0 1.0 0 0 0\n", "expected ranges of 0.0 to 30.0 m, found none in 1 scans"),
         ("FLASER -3 1.0 0 0 0\n", "line 3: expected 'FLASER <number of ranges>"),
         ("FLASER \n", "line 3: expected 'FLASER <number of ranges>"),
         ("FLASER 1 one 0 0 0 \n", "line 3: expected numbers"),
         ("FLASER 1 1.0 nan 0 0\n", "line 3: expected a finite pose"),
         ("FLASER 1 1.0 0 0 inf\n", "line 3: expected a finite pose"),
-        ("FLASER 2 81.83 0.0 0 0 0\n", "expected ranges below 30.0 m, found none in 1 scans"),
+        ("FLASER 2 81.83 0.0 0 0 0\n", "expected ranges of 0.0 to 30.0 m, found none in 1 scans"),
     ],
 )
 def test_bad_lines_are_named(tmp_path, line, message):

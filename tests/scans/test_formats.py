@@ -29,7 +29,7 @@ def test_a_carmen_log(tmp_path, name):
     for setting in ({"sensor_origin_m": [0.0, 0.0]}, {"beam_origin": "hdl64"}):
         with pytest.raises(InputError, match=f"reading.{next(iter(setting))}: .*{name} is a CARMEN log"):
             read_scans_path(path, ReadingSettings(**setting))
-    with pytest.raises(InputError, match="expected ranges above 29.9999 m, found none"):
+    with pytest.raises(InputError, match="expected ranges of 29.9999 to 30.0 m, found none"):
         read_scans_path(path, ReadingSettings(min_range_m=29.9999))
 
 

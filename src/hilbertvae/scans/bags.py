@@ -20,7 +20,7 @@ from hilbertvae.scans.bag_poses import FIXED_FRAMES, ODOMETRY, TRANSFORMS, BagPo
 from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.deskewing import deskewed_along
-from hilbertvae.scans.file_points import check_reading, named, reading
+from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, named, reading
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
 from hilbertvae.scans.point_times import SWEEP_S, beam_times, time_field
 from hilbertvae.scans.poses import MOST_TILT_DEG, leans
@@ -44,7 +44,7 @@ def read_bag(
     topic: str | None = None,
     fixed_frame: str | None = None,
     beam_origin: str | Sequence[float] = "centre",
-    max_range_m: float = 80.0,
+    max_range_m: float = LIDAR_RANGE_M,
     min_range_m: float = 0.0,
     every: int = 1,
     poses: str | None = None,

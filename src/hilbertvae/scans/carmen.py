@@ -12,6 +12,7 @@ import numpy as np
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.scans.beam_lengths import ClippedCheck, UnitCheck
 from hilbertvae.scans.carmen_messages import MESSAGES, beam_step_deg
+from hilbertvae.scans.file_points import check_reading
 from hilbertvae.scans.scan import Scans
 
 MAX_LINE = 1 << 20
@@ -20,19 +21,21 @@ MIN_RANGE_M = 0.02
 """Shorter ranges are the sensor's own housing or an error code of 0."""
 
 
-def read_carmen(path: str | os.PathLike, max_range_m: float = 30.0, every: int = 1, step_deg: float | None = None) -> Scans:
+def read_carmen(
+    path: str | os.PathLike, max_range_m: float = 30.0, every: int = 1, step_deg: float | None = None, min_range_m: float = 0.0
+) -> Scans:
     """The returns of a log's front laser, in the order of lines (timestamps are useless in some logs).
 
     Read are the messages, `FLASER` or `ROBOTLASER1`, of which the first is: some loggers write each sweep as both. A range at or above
-    `max_range_m`, or above what the message says the laser measures, no-return codes among them, is an error or a miss: it is skipped and
-    carves nothing. Shorter codes can't be told from returns; ranges that end at one that many beams have give a warning. `every` keeps
-    each so many-th scan. step_deg: between beams, unless as the message says, or as many scans have so many beams; a count that no known
-    laser has gives a warning then. Raises `InputError` for a missing, truncated or foreign file.
+    `max_range_m`, or above what the message says the laser measures, no-return codes among them, is an error or a miss, as is one at or
+    below `min_range_m`: it is skipped and carves nothing. Shorter codes can't be told from returns; ranges that end at one that many
+    beams have give a warning. `every` keeps each so many-th scan. step_deg: between beams, unless as the message says, or as many scans
+    have so many beams; a count that no known laser has gives a warning then. Raises `InputError` for a missing, truncated or foreign file.
     """
     path = Path(path)
-    check_positive(max_range_m, "max_range_m")
-    if every < 1:
-        raise InputError(f"every: expected at least 1, got {every}")
+    check_reading(min_range_m, max_range_m, every)
+    if step_deg is not None:
+        check_positive(step_deg, "reading.beam_step_deg")
     points, origins, scan, beam = [], [], [], []
     kept = seen = 0
     unit, clipped, strange, chosen_kind = UnitCheck(), ClippedCheck(max_range_m), set(), None
@@ -49,7 +52,7 @@ def read_carmen(path: str | os.PathLike, max_range_m: float = 30.0, every: int =
             strange.add(len(ranges))
         unit.see(ranges)
         clipped.see(ranges[ranges < sweep.farthest_m])
-        chosen = np.flatnonzero((ranges > MIN_RANGE_M) & (ranges < min(max_range_m, sweep.farthest_m)))
+        chosen = np.flatnonzero((ranges > max(min_range_m, MIN_RANGE_M)) & (ranges < min(max_range_m, sweep.farthest_m)))
         angle = heading + np.deg2rad(sweep.first_deg + chosen * sweep.step_deg)
         end = np.column_stack([x + ranges[chosen] * np.cos(angle), y + ranges[chosen] * np.sin(angle)])
         points.append(end)
@@ -65,7 +68,7 @@ def read_carmen(path: str | os.PathLike, max_range_m: float = 30.0, every: int =
         counts = ", ".join(f"{count} beams taken to be {beam_step_deg(count):g} degrees apart" for count in sorted(strange)[:3])
         warnings.warn(f"{path}: {counts}, which no known laser has; set reading.beam_step_deg", stacklevel=3)
     if not sum(map(len, points)):
-        raise InputError(f"{path}: expected ranges below {max_range_m} m, found none in {seen} scans{unit.hint(max_range_m)}")
+        raise InputError(f"{path}: expected ranges of {min_range_m} to {max_range_m} m, found none in {seen} scans{unit.hint(max_range_m)}")
     return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam))
 
 

@@ -11,6 +11,8 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 
+LIDAR_RANGE_M = 80.0
+"""What beams in 3D are as long as, and dropped, unless told otherwise."""
 SMALL_BYTES = 64 * 2**20
 """Packed files may grow to this size whatever their own: runs of equal numbers pack a thousandfold."""
 MAX_EXPANSION = 100

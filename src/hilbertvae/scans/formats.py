@@ -6,12 +6,9 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError
 from hilbertvae.scans.bags import BAG_FILES, METADATA, is_bag, read_bag
 from hilbertvae.scans.carmen import read_carmen
-from hilbertvae.scans.file_points import check_reading
 from hilbertvae.scans.kitti import is_kitti, read_kitti
 from hilbertvae.scans.point_files import READERS, read_point_file
 from hilbertvae.scans.scan import Scans
@@ -71,7 +68,7 @@ def read_scans_path(path: str | os.PathLike, reading: ReadingSettings | None = N
     of_bags, of_logs = ("topic", "fixed_frame", "deskew"), "beam_step_deg"
     if path.name.lower().endswith(CARMEN):
         _refuse(path, "a CARMEN log", reading, "sensor_origin_m", "beam_origin", "poses", *of_bags)
-        return _carmen(path, reading.every, reading.beam_step_deg, **ranges)
+        return read_carmen(path, every=reading.every, step_deg=reading.beam_step_deg, **ranges)
     if is_bag(path):
         _refuse(path, "a ROS bag", reading, "sensor_origin_m", of_logs)
         of_scans = {"every": reading.every, "poses": reading.poses, "deskew": reading.deskew}
@@ -88,17 +85,6 @@ def read_scans_path(path: str | os.PathLike, reading: ReadingSettings | None = N
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {' '.join(EXTENSIONS)}, and folders of scans")
-
-
-def _carmen(path: Path, every: int, step_deg: float | None, max_range_m: float = 30.0, min_range_m: float = 0.0) -> Scans:
-    check_reading(min_range_m, max_range_m, every)
-    if step_deg is not None:
-        check_positive(step_deg, "reading.beam_step_deg")
-    scans = read_carmen(path, max_range_m, every, step_deg)
-    kept = np.sqrt(np.square(scans.points - scans.origins).sum(axis=1)) > min_range_m
-    if not kept.any():
-        raise InputError(f"{path}: expected ranges above {min_range_m} m, found none")
-    return scans.select(kept)
 
 
 def _refuse(path: Path, kind: str, reading: ReadingSettings, *names: str) -> None:

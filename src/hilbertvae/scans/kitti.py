@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.file_points import LIDAR_RANGE_M
 from hilbertvae.scans.poses import read_calibration, read_poses
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_folder import POSES, read_posed_scans, scan_files
@@ -30,7 +31,7 @@ def is_kitti(folder: str | os.PathLike) -> bool:
 def read_kitti(
     folder: str | os.PathLike,
     beam_origin: str | Sequence[float] = "centre",
-    max_range_m: float = 80.0,
+    max_range_m: float = LIDAR_RANGE_M,
     min_range_m: float = 2.5,
     every: int = 1,
     poses: str | None = None,

@@ -12,7 +12,7 @@ import numpy as np
 from hilbertvae.checks import InputError
 from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, warn_if_rounded, within_range, without_zeros
 from hilbertvae.scans.e57 import read_e57
-from hilbertvae.scans.file_points import FilePoints, NoRows, check_reading
+from hilbertvae.scans.file_points import LIDAR_RANGE_M, FilePoints, NoRows, check_reading
 from hilbertvae.scans.las import read_las
 from hilbertvae.scans.npz import read_npz
 from hilbertvae.scans.pcd import read_pcd
@@ -69,7 +69,7 @@ def read_points(path: str | os.PathLike, may_be_empty: bool = False) -> FilePoin
 def read_point_file(
     path: str | os.PathLike,
     sensor_origin_m: Sequence[float] | None = None,
-    max_range_m: float = 80.0,
+    max_range_m: float = LIDAR_RANGE_M,
     min_range_m: float = 0.0,
     every: int = 1,
 ) -> Scans:

@@ -14,7 +14,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.progress import track
 from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
-from hilbertvae.scans.file_points import check_reading, named, reading
+from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, named, reading
 from hilbertvae.scans.names_in_order import names_in_order
 from hilbertvae.scans.odometry import FINDING, KISS_ICP, KissOdometry, check_poses_choice
 from hilbertvae.scans.own_origins import OwnOrigins, in_space
@@ -33,7 +33,7 @@ NOT_SCANS = {POSES, "times.txt", "timestamps.txt", "calib.txt", "readme.txt", "l
 def read_scan_folder(
     folder: str | os.PathLike,
     beam_origin: str | Sequence[float] = "centre",
-    max_range_m: float = 80.0,
+    max_range_m: float = LIDAR_RANGE_M,
     min_range_m: float = 0.0,
     every: int = 1,
     poses: str | None = None,

@@ -21,10 +21,10 @@ from hilbertvae.checks import InputError
 from hilbertvae.files import path_sha256
 from hilbertvae.scans.carmen import read_carmen
 from hilbertvae.scans.carmen_messages import beam_step_deg
+from hilbertvae.scans.file_points import LIDAR_RANGE_M
 from hilbertvae.scans.kitti import read_kitti
 from hilbertvae.scans.scan import Scans
 
-MAX_RANGE_3D_M = 80.0
 SOURCE_2D = "https://raw.githubusercontent.com/acschaefer/ple/cfcb5a7f12a793b616357381a688cfcc26eed347/data/carmen/"
 
 
@@ -63,7 +63,7 @@ def _flat(name, title, file, beams, max_range_m, no_return_m, role, sha256, ever
 
 
 def _solid(name, title, role, beam_origin, sha256) -> CatalogueEntry:
-    return CatalogueEntry(name, title, name, sha256, role, MAX_RANGE_3D_M, 3, beam_origin=beam_origin)
+    return CatalogueEntry(name, title, name, sha256, role, LIDAR_RANGE_M, 3, beam_origin=beam_origin)
 
 
 # fmt: off
