@@ -36,6 +36,16 @@ def test_a_copy_of_a_real_site_is_that_site(tmp_path, monkeypatch):
         check_roles(["fr079"], "csail", [str(copy)])
 
 
+def test_a_copy_of_ones_own_site_is_that_site(tmp_path):
+    (tmp_path / "drive").mkdir()
+    (tmp_path / "drive/0.txt").write_text("1 2 3")
+    copy = shutil.copytree(tmp_path / "drive", tmp_path / "copy")
+    with pytest.raises(InputError, match="data.test: .*copy is also trained or validated on"):
+        check_roles([str(tmp_path / "drive")], "csail", [str(copy)])
+    (copy / "0.txt").write_text("1 2 4")
+    check_roles([str(tmp_path / "drive")], "csail", [str(copy)])
+
+
 @pytest.mark.parametrize("site", ["fr079", "aces", "simulated:0", "simulated:029", "simulated:77", "simulated:1600", "simulated:1611"])
 def test_what_a_network_was_trained_on_is_no_test(site):
     with pytest.raises(InputError, match=f"data.test: {site} is among what the network was trained on"):

@@ -74,14 +74,15 @@ def own_sites(references: Iterable[str]) -> dict[str, str]:
 
 
 def place(reference: str) -> str:
-    """One word for all spellings of a site: a simulated one's plain number, and the catalogue's name also for a copy of its files."""
+    """One word for all spellings of a site: a simulated one's plain number, the catalogue's name also for a copy of its files, and for
+    copies of others one sha256."""
     if np.isfinite(number := _number(reference)):
         return f"{SIMULATED}{number:.0f}"
     if not is_scan_path(reference):
         return reference
     path = Path(reference).resolve()
     found = _contents(path)
-    return next((entry.name for entry in CATALOGUE.values() if entry.sha256 == found), str(path))
+    return next((entry.name for entry in CATALOGUE.values() if entry.sha256 == found), found or str(path))
 
 
 def _contents(path: Path) -> str | None:
