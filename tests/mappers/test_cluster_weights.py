@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 from hilbert_map_toys import FEATURES, fit, gapped, reconstructor
+from scipy.optimize import minimize
 
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids.cluster_grids import bin_grids
 from hilbertvae.grids.kernel import FrameIndex, kernel
-from hilbertvae.mappers import hilbert_map
+from hilbertvae.mappers import cluster_weights
+from hilbertvae.mappers.cluster_weights import fit_cluster_weights
 from hilbertvae.mappers.hilbert_map import HilbertMap
-from hilbertvae.mappers.weights import fit_cluster_weights
 
 
 def test_cluster_weights_are_fitted_without_what_is_to_be_scored(room, monkeypatch):
@@ -33,7 +34,7 @@ def test_cluster_weights_are_fitted_without_what_is_to_be_scored(room, monkeypat
 def test_cluster_weights_for_points_count_occupied_points_twice(room, monkeypatch, calibration, share):
     given = []
     monkeypatch.setattr(
-        hilbert_map, "fit_cluster_weights", lambda *known: given.append((known[4], known[-1])) or fit_cluster_weights(*known)
+        cluster_weights, "fit_cluster_weights", lambda *known: given.append((known[4], known[-1])) or fit_cluster_weights(*known)
     )
     fit(HilbertMap(reconstructor(), weights="cluster", calibration=calibration), gapped(room))
     ((occupied, counts),) = given
@@ -44,7 +45,7 @@ def test_cluster_weights_for_points_count_occupied_points_twice(room, monkeypatc
 def test_factors_are_learned_from_what_was_hidden_alone(room, monkeypatch, level):
     """With all factors 1 what they are fitted to is the map's own logit, by grids that never saw a point of it."""
     given, made, cloud = [], reconstructor(), gapped(room)
-    monkeypatch.setattr(hilbert_map, "fit_cluster_weights", lambda *known: given.append(known) or fit_cluster_weights(*known))
+    monkeypatch.setattr(cluster_weights, "fit_cluster_weights", lambda *known: given.append(known) or fit_cluster_weights(*known))
     made.map_weights["voxels"]["level"] = level
     mapper = fit(HilbertMap(made, weights="cluster", ridge=7.0), cloud)
     ((values, _, offset, rank_weights, occupied, clusters, ridge, _),) = given
@@ -57,6 +58,27 @@ def test_factors_are_learned_from_what_was_hidden_alone(room, monkeypatch, level
     np.testing.assert_array_equal(occupied, hidden.occupied)
     np.testing.assert_allclose(offset + (values * rank_weights).sum(axis=1), expected, rtol=0, atol=1e-5)
     assert (clusters, ridge) == (len(mapper.frames_), 7.0)
+
+
+def test_factors_by_an_explicit_sum():
+    """Each query's logit is put together cluster by cluster, and the same optimum is searched."""
+    rng = np.random.default_rng(0)
+    clusters, ranks, count, ridge = 3, 2, 80, 5.0
+    holding = np.array([rng.permutation(clusters)[:ranks] for _ in range(count)])
+    holding[rng.random(count) < 0.2, 1] = -1
+    values, offset, rank_weights = rng.normal(size=(count, ranks)), rng.normal(size=count), np.array([0.8, 0.4])
+    occupied = rng.random(count) < 0.5
+
+    def loss(factor):
+        total = ridge * ((factor - 1) ** 2).sum()
+        for q in range(count):
+            logit = offset[q] + sum(rank_weights[r] * factor[m] * values[q, r] for r, m in enumerate(holding[q]) if m >= 0)
+            total += np.log1p(np.exp(-logit if occupied[q] else logit))
+        return total
+
+    expected = minimize(loss, np.ones(clusters), method="L-BFGS-B", bounds=[(0, None)] * clusters)
+    found = fit_cluster_weights(values, holding, offset, rank_weights, occupied, clusters, ridge)
+    np.testing.assert_allclose(found, expected.x, atol=1e-3)
 
 
 def test_a_query_that_counts_for_three_is_there_three_times():

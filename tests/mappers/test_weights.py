@@ -13,7 +13,6 @@ from hilbertvae.mappers.weights import (
     OCCUPIED_WEIGHT,
     RankWeights,
     disagreement,
-    fit_cluster_weights,
     fit_rank_weights,
     seen_features,
     unit_weights,
@@ -234,27 +233,6 @@ def test_rank_weights_need_gaps_and_observed_voxels(all_seen):
     seen = np.full(5, all_seen)
     with pytest.raises(InputError, match="expected queries both in gaps and in observed voxels"):
         fit_rank_weights(np.ones((5, 2)), np.full(5, 2), seen, np.ones((5 * all_seen, 3)), np.full(5, np.inf), np.arange(5) < 2)
-
-
-def test_cluster_weights_by_an_explicit_sum():
-    """Each query's logit is put together cluster by cluster, and the same optimum is searched."""
-    rng = np.random.default_rng(0)
-    clusters, ranks, count, ridge = 3, 2, 80, 5.0
-    holding = np.array([rng.permutation(clusters)[:ranks] for _ in range(count)])
-    holding[rng.random(count) < 0.2, 1] = -1
-    values, offset, rank_weights = rng.normal(size=(count, ranks)), rng.normal(size=count), np.array([0.8, 0.4])
-    occupied = rng.random(count) < 0.5
-
-    def loss(factor):
-        total = ridge * ((factor - 1) ** 2).sum()
-        for q in range(count):
-            logit = offset[q] + sum(rank_weights[r] * factor[m] * values[q, r] for r, m in enumerate(holding[q]) if m >= 0)
-            total += np.log1p(np.exp(-logit if occupied[q] else logit))
-        return total
-
-    expected = minimize(loss, np.ones(clusters), method="L-BFGS-B", bounds=[(0, None)] * clusters)
-    found = fit_cluster_weights(values, holding, offset, rank_weights, occupied, clusters, ridge)
-    np.testing.assert_allclose(found, expected.x, atol=1e-3)
 
 
 def test_seen_features_of_a_query_in_no_box():

@@ -15,18 +15,16 @@ from sklearn.utils.validation import check_is_fitted
 
 from hilbertvae.checks import InputError, check_cell_m
 from hilbertvae.cloud import RESOLUTION_M, Cloud
-from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, cloud_clusters, frames_of, voxel_grid
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernels
+from hilbertvae.mappers.cluster_weights import cluster_factors, hide_gaps
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
 from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
-from hilbertvae.mappers.weights import RankWeights, disagreement, fit_cluster_weights, levelled, unit_weights
+from hilbertvae.mappers.weights import RankWeights, disagreement, unit_weights
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 
-HIDDEN_GAP_M = 2.5
-"""Diameter of the gaps that the `cluster` rule hides from the network while it fits its weights."""
 FLIPS = {2: 4, 3: 1}
 """Each takes as long as the first, and four bring about 0.001 of AUC over two in 2D, over one in 3D; there a fit takes four times as long
 to begin with."""
@@ -147,19 +145,10 @@ class HilbertMap(GrowingMapper):
 
     def _cluster_factors(self, cloud: Cloud) -> np.ndarray:
         """The `cluster` rule's factors, from gaps hidden from the network for this fit alone: else copying would look like skill."""
-        gaps = random_gaps(cloud, HIDDEN_GAP_M, self.evidence_.resolution_m, seed=self.seed)
-        part = gaps.part(cloud.points)
-        completed = self._complete_boxes(cloud.select(part == OUTSIDE), self.frames_)
-        target = cloud.select(part != OUTSIDE)
-        holding, values = self._look_up(target.points, completed.value)
-        held = (holding != NONE).sum(axis=1)
-        weights = self.rank_weights_
-        spread = weights.spread * disagreement(values, held)
-        if weights.level:
-            values = levelled(values, held)
-        offset = np.where(held > 0, weights.unseen[-1] + spread, 0.0)
-        counts = np.where(target.occupied & (self.calibration == "points"), weights.occupied_weight, 1.0)
-        return fit_cluster_weights(values, holding, offset, weights.unseen[:-1], target.occupied, len(self.frames_), self.ridge, counts)
+        kept, hidden = hide_gaps(cloud, self.evidence_.resolution_m, self.seed)
+        holding, values = self._look_up(hidden.points, self._complete_boxes(kept, self.frames_).value)
+        counted = self.rank_weights_.occupied_weight if self.calibration == "points" else 1.0
+        return cluster_factors(values, holding, hidden.occupied, self.rank_weights_, len(self.frames_), self.ridge, counted)
 
     def features(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
         """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, the evidence

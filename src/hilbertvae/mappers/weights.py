@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.mappers.newton_logistic import LIGHT_RIDGE, logistic_weights
@@ -199,18 +198,3 @@ def _ranks_alike(ranks: int, features: int, queries: float) -> np.ndarray:
     ridge = np.eye(features) * LIGHT_RIDGE
     ridge[:ranks, :ranks] += RANKS_ALIKE * queries * (np.eye(ranks) - 1.0 / ranks)
     return ridge
-
-
-def fit_cluster_weights(values, holding, offset, rank_weights, occupied, clusters: int, ridge: float, counts=1.0) -> np.ndarray:
-    """(M,) non-negative factors u_m, with ridge towards 1, of logit = offset + sum_r w_r u_m(r) k_r: the classic Hilbert Map's own
-    weight per cluster, around the `rank` value. A few hundred sparse features, so all queries at once. How far boxes disagree stands in
-    the offset as it is with all factors 1.
-
-    values (Q, K): of the kernel, in the boxes `holding (Q, K)`, -1 for none. offset (Q,), rank_weights (K,), occupied (Q,) bool;
-    counts (Q,), or one number: what each query counts for. M is `clusters`.
-    """
-    query, rank = np.nonzero(holding >= 0)
-    data = values[query, rank] * rank_weights[rank]
-    features = csr_matrix((data, (query, holding[query, rank])), shape=(len(values), clusters))
-    everyone = np.arange(clusters)
-    return logistic_weights(features, occupied, nonnegative=everyone, ridge=ridge, towards=np.ones(clusters), offset=offset, counts=counts)
