@@ -17,7 +17,7 @@ from hilbertvae.progress import track
 from hilbertvae.scans.bag_chunks import bounded_unpacking
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
 from hilbertvae.scans.bag_poses import FIXED_FRAMES, ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
-from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
+from hilbertvae.scans.beam_lengths import beam_lengths, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.deskewing import deskewed_along
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, named, reading
@@ -75,8 +75,8 @@ def read_bag(
             if is_flat and setting != neutral:
                 raise InputError(f"reading.{name}: {chosen} of {path} are planar laser scans, where this has no meaning; leave it unset")
         finder = bag.poses(fixed_frame) if poses is None else None
-        beam_origins, odometry, unit = find_beam_origins(beam_origin), KissOdometry(), UnitCheck()
-        found, seen, tilted, untimed = ScanCollector(), 0, 0, 0
+        beam_origins, odometry = find_beam_origins(beam_origin), KissOdometry()
+        found, seen, tilted, untimed = ScanCollector(min_range_m, max_range_m), 0, 0, 0
         frames, poses_seen = set(), set()
         # Odometry goes from scan to scan, so it sees those too that are left out.
         for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
@@ -84,8 +84,7 @@ def read_bag(
                 cloud = without_zeros(READERS[message.__msgtype__](message))
             start = beam_origins(cloud)
             lengths = beam_lengths(cloud, start)
-            unit.see(lengths)
-            kept = np.flatnonzero(within_range(lengths, min_range_m, max_range_m))
+            kept = found.within(lengths)
             times = beam_times(message, stamp_ns, np.isfinite(lengths)) if deskew else None
             with named(str(path)):
                 if finder:
@@ -108,16 +107,12 @@ def read_bag(
                 back = deskewed_along(cloud, start, stamp_ns + times, partial(finder.at, message.header.frame_id), pose)
                 cloud, start = back or (cloud, start)
             found.add(cloud, start, kept, pose, DIMENSIONS[bag.types[chosen]])
-    unit.warn(path)
+    found.warn(path)
     odometry.warn(path)
     _warn(path, chosen, finder, len(found), seen, tilted, untimed)
     if finder:
         _warn_of_fixed_clouds(path, chosen, frames, len(poses_seen), len(found), bag)
-    if not found.returns():
-        raise InputError(
-            f"{path}: expected beams of {min_range_m} to {max_range_m} m on {chosen}, found none in {seen} scans{unit.hint(max_range_m)}"
-        )
-    return found.whole()
+    return found.whole(path, seen, f" on {chosen}")
 
 
 def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, found: int, bag: _Bag) -> None:

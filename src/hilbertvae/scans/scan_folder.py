@@ -12,7 +12,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.progress import track
-from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
+from hilbertvae.scans.beam_lengths import beam_lengths, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, named, reading
 from hilbertvae.scans.names_in_order import names_in_order
@@ -80,8 +80,8 @@ def read_posed_scans(
     check_poses_choice(poses)
     beam_origins = find_beam_origins(beam_origin)
     given = _given_poses(files, poses_path, lidar_to_camera) if poses is None else None
-    odometry, unit, own = KissOdometry(), UnitCheck(), OwnOrigins(files, given, poses_path, beam_origins)
-    kept, empty, dimension, first, unposed = ScanCollector(), 0, 0, "", []
+    odometry, own = KissOdometry(), OwnOrigins(files, given, poses_path, beam_origins)
+    kept, empty, dimension, first, unposed = ScanCollector(min_range_m, max_range_m), 0, 0, "", []
     # Odometry goes from scan to scan, so it sees those too that are left out.
     taken = range(0, len(files), every if poses is None else 1)
     for index in taken if poses is None else track(taken, FINDING):
@@ -102,9 +102,7 @@ def read_posed_scans(
             unposed += [files[index].name] if found.pose is None else []
             _check_unposed(files, poses_path, unposed)
             pose = np.eye(3, 4)
-        lengths = beam_lengths(points, start)
-        unit.see(lengths)
-        chosen = np.flatnonzero(within_range(lengths, min_range_m, max_range_m))
+        chosen = kept.within(beam_lengths(points, start))
         with named(files[index]):
             pose = odometry.register(points[chosen]) if pose is None else pose
         if index % every:
@@ -115,12 +113,9 @@ def read_posed_scans(
     if empty:
         warnings.warn(f"{files[0].parent}: {empty} of {len(taken)} scans have no return and are left out", stacklevel=3)
     own.warn()
-    unit.warn(files[0].parent)
+    kept.warn(files[0].parent)
     odometry.warn(files[0].parent)
-    if not kept.returns():
-        found = f"found none in {len(kept)} scans{unit.hint(max_range_m)}"
-        raise InputError(f"{files[0].parent}: expected beams of {min_range_m} to {max_range_m} m, {found}")
-    return kept.whole()
+    return kept.whole(files[0].parent, len(kept))
 
 
 def _check_unposed(files: list[Path], poses_path: Path, unposed: list[str]) -> None:
