@@ -9,6 +9,7 @@ import numpy as np
 from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_whole
 from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.laser import LaserSettings, RayCaster, bearings, extrude, sense, sim_extra
+from hilbertvae.simulate.pose_errors import wandering
 
 STYLES = {"corridors": 0.6, "hall": 0.22, "enfilade": 0.18}
 """Shares of the styles among buildings of style "any": about those of the sites that robots were driven through."""
@@ -115,17 +116,13 @@ def _beams(poses: np.ndarray, laser: LaserSettings) -> tuple[np.ndarray, np.ndar
 
 
 def _believed(rng, poses: np.ndarray, settings: BuildingSettings) -> np.ndarray:
-    """Poses with an error that wanders over about ten scans, so that a wall seen again later lies beside itself."""
-    memory = 0.9
+    """Poses with an error that wanders."""
     shocks = (
         rng.normal(size=poses.shape)
         * rng.choice([0.6, 1.0, 1.5])
         * [settings.pose_noise_m, settings.pose_noise_m, np.deg2rad(settings.heading_noise_deg)]
     )
-    error = shocks.copy()
-    for k in range(1, len(error)):
-        error[k] = memory * error[k - 1] + np.sqrt(1 - memory**2) * shocks[k]
-    return poses + error
+    return poses + wandering(shocks)
 
 
 def _draw_laser(rng, laser: LaserSettings) -> LaserSettings:

@@ -9,6 +9,7 @@ import numpy as np
 from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_share, check_whole
 from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.laser import sim_extra
+from hilbertvae.simulate.pose_errors import wandering
 from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar, hidden_by_car, sense_turn
 
 CHARACTERS = {"residential": 0.48, "town": 0.27, "avenue": 0.07, "outskirts": 0.11, "park": 0.07}
@@ -173,13 +174,11 @@ def scan_scene(rng: np.random.Generator, scene, poses: np.ndarray, lidar: Spinni
 
 
 def _errors(rng, count: int, settings: StreetSettings) -> np.ndarray:
-    """(S, 4, 4): small motions that wander over about ten scans; none in the first."""
-    memory = 0.9
+    """(S, 4, 4): small motions that wander; none in the first."""
     spread = [settings.pose_noise_m] * 3 + [np.deg2rad(settings.heading_noise_deg)] * 3
-    error = rng.normal(size=(count, 6)) * spread * rng.choice([0.6, 1.0, 1.5])
-    error[0] = 0
-    for k in range(1, count):
-        error[k] = memory * error[k - 1] + np.sqrt(1 - memory**2) * error[k]
+    shocks = rng.normal(size=(count, 6)) * spread * rng.choice([0.6, 1.0, 1.5])
+    shocks[0] = 0
+    error = wandering(shocks)
     motions = np.tile(np.eye(4), (count, 1, 1))
     motions[:, :3, :3] = _rotations(error[:, 3:])
     motions[:, :3, 3] = error[:, :3]
