@@ -59,6 +59,14 @@ def test_all_of_it_can_learn():
     assert network.shrink[0].weight.grad[:, 8:].any()
 
 
+@pytest.mark.parametrize(
+    ("before", "now"), [("detailed", "hit_free"), ("signed", "hit_free"), ("hit_free", "signed"), ("signed", "detailed")]
+)
+def test_inputs_of_another_meaning_are_not_taken_over(before, now):
+    coarse = tiny_reconstructor(stem=4, channels=[6, 8], blocks=[2, 1], encoding=before)
+    assert not is_finer(fine_of(coarse, 32, encoding=now)[0], coarse.network_settings)
+
+
 def test_too_few_channels_are_refused():
     coarse = tiny_reconstructor(stem=4, channels=[6, 8], blocks=[2, 1])
     with pytest.raises(InputError, match="network.channels: expected at least 8 in the first level"):

@@ -26,6 +26,16 @@ def test_another_network_is_refused(other):
         mean_of(tiny_reconstructor(), tiny_reconstructor(**other))
 
 
+def test_cells_of_another_size_and_another_likelihood_are_refused():
+    """Their weights are as many and mean something else."""
+    made = tiny_reconstructor()
+    finer = replace(made, grid=replace(tiny_grid(cells=32), cluster_diameter_m=1.6))
+    with pytest.raises(InputError, match="cells of 0.1 m.*cells of 0.05 m"):
+        mean_of(made, finer)
+    with pytest.raises(InputError, match="bernoulli.*gaussian"):
+        mean_of(made, replace(made, likelihood=replace(made.likelihood, kind="gaussian")))
+
+
 def test_a_latent_of_all_cells_belongs_to_one_size_of_boxes():
     flat = {"skips": False, "bottom": "flat"}
     larger = tiny_reconstructor(**flat)

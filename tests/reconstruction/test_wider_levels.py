@@ -71,12 +71,23 @@ def test_an_older_network_without_known_cells_can_be_widened():
         {"channels": [32, 32], "stem": 4},
         {"channels": [32, 32], "blocks": [1, 2]},
         {"channels": [32, 32], "latent": 4},
+        {"channels": [32, 32], "skips": False},
+        {"channels": [32, 32], "variational": False},
+        {"channels": [32, 32], "known": False},
+        {"channels": [32, 32], "encoding": "signed"},
     ],
 )
 def test_other_networks_are_not_wider(changes):
     narrow = tiny_reconstructor(channels=[16, 32]).network_settings
     assert not is_wider(replace(narrow, **changes), narrow)
     assert not is_wider(ConditionalNetworkSettings(channels=[32, 64], stem=2, blocks=[1, 1], latent=3), narrow)
+
+
+def test_what_was_shown_can_become_more_and_not_other():
+    settings = tiny_reconstructor(channels=[16, 32]).network_settings
+    pairs = [("hit_free", "detailed"), ("detailed", "hit_free"), ("signed", "hit_free"), ("signed", "detailed"), ("signed", "signed")]
+    found = [is_wider(replace(settings, channels=[32, 32], encoding=wide), replace(settings, encoding=narrow)) for narrow, wide in pairs]
+    assert found == [True, False, False, False, True]
 
 
 def test_a_flat_bottom_is_not_widened():

@@ -78,6 +78,11 @@ def find_encoding(name: str, dimension: int) -> tuple[Callable[[Tensor], Tensor]
     return encode, channels[dimension - 2]
 
 
+def shows_no_less(encoding: str, before: str) -> bool:
+    """Whether the first inputs of an encoding are those of the one `before` it."""
+    return encoding == before or (encoding, before) == ("detailed", "hit_free")
+
+
 def is_detailed(network: object) -> bool:
     """Whether a network of these settings takes grids as `bin_detailed` makes them; one that has no encodings takes labels alone."""
     return getattr(network, "encoding", None) == "detailed"

@@ -6,6 +6,7 @@ import numpy as np
 from torch import Tensor
 
 from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.blocks import shows_no_less
 from hilbertvae.reconstruction.gated_network import GatedNetwork
 
 LEVELLED = ("down", "shrink", "grow", "join", "up")
@@ -16,7 +17,9 @@ OUTERMOST = ("stem", "head", "known_head")
 def is_finer(fine: object, coarse: object) -> bool:
     """Whether a network of settings `fine` has the levels of `coarse` and one more outside of them, with half its stem."""
     kinds = {getattr(settings, "kind", None) for settings in (fine, coarse)}
-    return kinds == {"gated"} and fine.stem * 2 == coarse.stem and fine.channels[1:] == coarse.channels and fine.blocks[1:] == coarse.blocks
+    if kinds != {"gated"} or not shows_no_less(fine.encoding, coarse.encoding):
+        return False
+    return fine.stem * 2 == coarse.stem and fine.channels[1:] == coarse.channels and fine.blocks[1:] == coarse.blocks
 
 
 def finer_weights(coarse: dict[str, Tensor], fine: GatedNetwork) -> dict[str, Tensor]:

@@ -12,12 +12,19 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 def mean_of(before: Reconstructor, after: Reconstructor) -> Reconstructor:
     """`after` with the mean of its weights and those of `before`, and without map's weights, which were learned for others. The one may
-    have had larger boxes than the other, if its weights are as many. Raises `InputError` for networks that differ in more."""
-    kinds = [(network.dimension, network.network_settings) for network in (before, after)]
-    shapes = [{name: weight.shape for name, weight in network.network.state_dict().items()} for network in (before, after)]
+    have had larger boxes than the other, of cells as large, if its weights are as many. Raises `InputError` for networks that differ in
+    more."""
+    kinds, shapes = zip(*map(_kind, (before, after)), strict=True)
     if kinds[0] != kinds[1] or shapes[0] != shapes[1]:
-        first, other = ((*kind, f"{network.grid.cells} cells") for kind, network in zip(kinds, (before, after), strict=True))
+        first, other = ((*kind, f"{made.grid.cells} cells") for kind, made in zip(kinds, (before, after), strict=True))
         raise InputError(f"checkpoint: expected a network of {first}, as the one before it, got {other}")
     network, old = copy.deepcopy(after.network), before.network.state_dict()
     network.load_state_dict({key: (value + old[key]) / 2 for key, value in network.state_dict().items()})
     return replace(after, network=network, map_weights={}, card={**after.card, "mean_with_step_before": True})
+
+
+def _kind(made: Reconstructor) -> tuple[tuple, dict]:
+    """What two networks must have in common for their weights to mean the same, and the shapes of these."""
+    cell_m = f"{made.grid.cell_m:g} m"
+    shapes = {name: weight.shape for name, weight in made.network.state_dict().items()}
+    return (made.dimension, made.network_settings, made.likelihood.kind, f"cells of {cell_m}"), shapes

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
-from hilbertvae.reconstruction.blocks import channels_a_group
+from hilbertvae.reconstruction.blocks import channels_a_group, shows_no_less
 from hilbertvae.reconstruction.gated_network import GatedNetwork
 
 
@@ -15,7 +17,9 @@ def is_wider(wide: object, narrow: object) -> bool:
     kinds = {getattr(settings, "kind", None) for settings in (wide, narrow)}
     if kinds != {"gated"} or len(wide.channels) != len(narrow.channels) or wide.channels == narrow.channels:
         return False
-    alike = (wide.stem, wide.blocks, wide.latent, wide.bottom) == (narrow.stem, narrow.blocks, narrow.latent, narrow.bottom)
+    # What it is shown, and a second output, may have been added; and dropout is no part of a network's weights.
+    free = {name: getattr(narrow, name) for name in ("channels", "encoding", "known", "dropout")}
+    alike = replace(wide, **free) == narrow and shows_no_less(wide.encoding, narrow.encoding) and wide.known >= narrow.known
     pairs = list(zip(wide.channels, narrow.channels, strict=True))
     return alike and narrow.bottom != "flat" and all(_can_grow(more, channels) for more, channels in pairs)
 
