@@ -57,9 +57,9 @@ def test_how_networks_are_trained_is_not_said_beside_one(network, word):
 
 @pytest.mark.parametrize("word", ["validation_gap_m=1", "calibration_seeds=[7]", "data.calibrate=[simulated:900050]"])
 def test_how_weights_are_learned_counts_for_maps_that_learn_them(network, word):
-    usual = settings_of(f"checkpoint={network}", "mapper=[cvae-hm]")
-    with pytest.raises(InputError, match=f"^{word.split('=')[0]}: expected none beside checkpoint=.*, which has its map's weights"):
-        refuse_ignored(usual, [word])
+    for usual in ([], ["mapper=[cvae-hm]"]):  # baselines of the default list have radii of their own, and no network
+        with pytest.raises(InputError, match=f"^{word.split('=')[0]}: expected none beside checkpoint=.*, which has its map's weights"):
+            refuse_ignored(settings_of(f"checkpoint={network}", *usual), [word])
     refuse_ignored(settings_of(f"checkpoint={network}", "mapper=[cvae-hm]", "+mapper.cvae-hm.neighbours=3"), [word])
     refuse_ignored(settings_of("mapper=[cvae-hm]"), [word])
 

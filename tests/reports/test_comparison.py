@@ -1,5 +1,9 @@
 """Pairwise and occlusion tables against numbers worked out by hand."""
 
+from dataclasses import replace
+
+import pytest
+
 from hilbertvae.reports.comparison import occlusion_table, pairwise_table
 from hilbertvae.scoring.result import Result
 
@@ -52,6 +56,13 @@ def test_occlusion_shows_auc_and_nll_beside_the_base_rates():
     assert "occluded-half-0.5-1" in table and "70.0" in table and "0.400" in table
     assert "constant base rate" in table and "0.300" in table and "1-2.5" not in table
     assert "The 2 gap seeds are 2 different choices of scans for occluded-sparse, and one for occluded-half." in table
+
+
+@pytest.mark.parametrize(("seeds", "said"), [([0, 1, 2], 3), ([0, 10, 20], 1), ([3, 4, 13], 2)])
+def test_seeds_that_keep_the_same_scans_are_one_choice(seeds, said):
+    region = {key: [0.5] * 3 for key in ("auc", "nll", "base_rate_nll", "count")}
+    result = replace(result_of({"nearest": {"voxels": {"occluded-sparse-0.5-1": region}}}), gap_seeds=seeds)
+    assert f"The 3 gap seeds are {said} different choices" in occlusion_table(result)
 
 
 def test_occlusion_is_empty_where_it_was_not_scored():

@@ -36,6 +36,17 @@ def test_refused(tmp_path, how, message):
     assert text.startswith(f"{tmp_path / 'b-seed0' / 'result.json'}: {message}") and "\n" not in text and str(tmp_path / "a-seed0") in text
 
 
+def test_two_sites_of_one_name_are_told_apart_by_what_was_cut(tmp_path):
+    """A simulated site is a seed, and its result does not say by what settings it was made."""
+    cut = [[{"seed": seed, "centres": [[1.0, at]], "radius_m": [1.25], "share": 0.1} for seed in (0, 1)] for at in (2.0, 2.0 + 1e-9, 5.0)]
+    for name, gaps in zip("abc", cut, strict=True):
+        change(put(tmp_path, f"{name}-seed0", {"nearest": [0.1, 0.2]}), lambda content, gaps=gaps: content.update(gaps=gaps))
+    sweep = read_sweep(tmp_path, "table1")
+    with pytest.raises(InputError, match="c-seed0.*: gaps: .*, but .* in .*a-seed0"):
+        check_alike(sweep)
+    check_alike(sweep, varies=frozenset({"gaps"}))
+
+
 def test_what_a_sweep_varies_may_differ_and_what_it_needs_equal_may_not(tmp_path):
     sweep = two(tmp_path, lambda c: (c["protocol"].update(gap_ratio=0.25), c["config"]["grid"].update(cells=8)))
     check_alike(sweep, varies=frozenset({"protocol.gap_ratio"}))

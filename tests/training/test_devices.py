@@ -74,6 +74,14 @@ def test_a_device_that_is_not_there_is_named_before_anything_trains(tmp_path):
     assert not (tmp_path / "run").exists()
 
 
+def test_two_rows_of_one_name_are_refused(tmp_path):
+    """The run's network has no sampling, so that its row is named as the other's is."""
+    mappers = {"cvae-hm": HilbertMap("trained"), "cae-hm": HilbertMap(tiny_reconstructor(seed=4))}
+    with pytest.raises(InputError, match="mapper.cae-hm: expected one mapper of that name"):
+        give_networks(tiny_settings(tmp_path, tmp_path), mappers, tiny_reconstructor(variational=False))
+    assert [*give_networks(tiny_settings(tmp_path, tmp_path), mappers, tiny_reconstructor())] == ["cvae-hm", "cae-hm"]
+
+
 def test_mappers_that_are_given_stay_as_they_are(tmp_path):
     """Else a second run would score the network, the voxels and the grids of the first with them."""
     mappers = {"ours": HilbertMap("trained", device="auto"), "raw": HilbertMap(device="auto"), "octomap": OctoMapMapper()}

@@ -163,6 +163,12 @@ class TestWeightsLearnedAnew:
         with pytest.warns(UserWarning, match="own were learned on simulated:900001, made otherwise; results"):
             self.scored(other, path, neighbours=1)
 
+    def test_evidence_in_other_voxels_is_weighed_on_its_own(self, first):
+        usual, coarse = self.scored(*first), self.scored(*first, resolution_m=0.2)
+        assert usual.evidence_.resolution_m == 0.1 and coarse.evidence_.resolution_m == 0.2
+        assert coarse.reconstructor.map_weights != usual.reconstructor.map_weights == Reconstructor.load(first[1]).map_weights
+        assert self.scored(*first, resolution_m=0.1).reconstructor.map_weights == usual.reconstructor.map_weights
+
     def test_grids_farther_apart_are_fewer_and_weighed_on_their_own(self, first):
         farther = first[0].grid.cluster_diameter_m / 2
         usual, sparse = self.scored(*first), self.scored(*first, inner_radius_m=farther)

@@ -5,18 +5,22 @@ import json
 import pytest
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.formats import ReadingSettings
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.training.learned_as import KEY, as_made, learned_as, settings_of
 from hilbertvae.training.settings import DataSettings, Settings
 
 
 def test_a_card_brings_back_how_sites_were_made_and_weights_learned():
-    data = DataSettings(simulated=3, street=StreetSettings(scans=4), simulated_scans=20, simulated_extent_m=[12.0, 16.0])
+    read = ReadingSettings(every=2, beam_origin="hdl64", sensor_origin_m=[0.0, 0.0, 1.5])
+    data = DataSettings(simulated=3, street=StreetSettings(scans=4), simulated_scans=20, simulated_extent_m=[12.0, 16.0], reading=read)
     made = Settings(dimension=3, data=data, validation_gap_m=1.5, calibration_seeds=[7])
     card = json.loads(json.dumps({KEY: learned_as(made)}))  # as in a file
     found = settings_of(card, 3)
     assert found.source() == made.source() and found.calibration() == made.calibration()
     assert settings_of({}, 3) == Settings(dimension=3)
+    del card[KEY]["data"]["reading"]  # as in older cards
+    assert settings_of(card, 3).data.reading == ReadingSettings()
 
 
 @pytest.mark.parametrize("damaged", [3, {}, {"data": {"street": {"lanes": 2}}}])

@@ -62,6 +62,18 @@ def test_what_a_network_has_not_seen_is_one_and_its_validation_site_may_be_asked
     check_unseen(["intel"], {}, "data.test", "the network")
 
 
+def test_a_site_of_the_catalogue_that_was_trained_on_as_a_copy_is_none_to_test_on(tmp_path, monkeypatch):
+    """Also where the copy is gone: the card has its sha256."""
+    copy = tmp_path / "office.log"
+    copy.write_text("FLASER 1 1.0 0 0 0 0 0 0 0 host 0\n")
+    monkeypatch.setitem(CATALOGUE, "fr079", replace(CATALOGUE["fr079"], sha256=path_sha256(copy)))
+    card = {"trained_on": [str(copy)], "trained_on_sha256": own_sites([str(copy)])}
+    copy.unlink()
+    with pytest.raises(InputError, match="data.test: fr079 is among what"):
+        check_unseen(["intel", "fr079"], card, "data.test", "the network")
+    check_unseen(["intel"], card, "data.test", "the network")
+
+
 def test_a_training_site_that_was_moved_is_none_to_test_on(tmp_path):
     (tmp_path / "drives/monday").mkdir(parents=True)
     (tmp_path / "drives/monday/0.txt").write_text("1 2 3")

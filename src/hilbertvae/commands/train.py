@@ -45,6 +45,8 @@ OF_A_NETWORK = ("network", "grid", "start", "likelihood", "calibration_occupied_
 """Settings that lie in the file of a network."""
 OF_ITS_WEIGHTS = ("validation_gap_m", "calibration_seeds", "data.calibrate")
 """Settings of how a map's weights are learned, which lie there too and count for maps that need others."""
+LEARN_ANEW = {"neighbours", "inner_radius_m", "resolution_m"}
+"""Settings of a map that has weights of its own learned, if they are not as its network's were (`training/scoring.py`)."""
 OF_A_TRAINING, OF_A_SCORING_TOO = ("augmentation.", "clustering.", "trainer."), ("trainer.threads", "trainer.accelerator")
 """Settings of how a network is trained, and those of them that say how maps are made, too."""
 
@@ -87,9 +89,14 @@ def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
             raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its own{at_hand}")
         if key.startswith(OF_A_TRAINING) and key not in OF_A_SCORING_TOO:
             raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which was trained before")
-        if key in OF_ITS_WEIGHTS and not any({"neighbours", "inner_radius_m"} & {*one} for one in settings.mapper.values() if one):
-            anew = "they are learned anew for maps with `neighbours` or `inner_radius_m` of their own"
+        if key in OF_ITS_WEIGHTS and not any(map(_learns_weights, settings.mapper.values())):
+            anew = "they are learned anew for maps with `neighbours`, `inner_radius_m` or `resolution_m` of their own"
             raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its map's weights; {anew}")
+
+
+def _learns_weights(mapper: dict | None) -> bool:
+    """Whether a configured map has a network, and boxes that lie or answer otherwise than those its weights were learned for."""
+    return bool(mapper and mapper.get("reconstructor") and LEARN_ANEW & {*mapper})
 
 
 def run(settings: Settings, again: bool = True) -> int:

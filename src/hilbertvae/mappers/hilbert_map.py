@@ -17,7 +17,7 @@ from hilbertvae.checks import InputError, check_cell_m
 from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.grids.cluster_grids import GridSettings, cloud_clusters, frames_of, voxel_grid
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernels
-from hilbertvae.mappers.cluster_weights import cluster_factors, hide_gaps
+from hilbertvae.mappers.cluster_weights import cluster_factors, hide_gaps, voted
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
@@ -145,7 +145,9 @@ class HilbertMap(GrowingMapper):
 
     def _cluster_factors(self, cloud: Cloud) -> np.ndarray:
         """The `cluster` rule's factors, from gaps hidden from the network for this fit alone: else copying would look like skill."""
-        kept, hidden = hide_gaps(cloud, self.evidence_.resolution_m, self.seed)
+        resolution_m = self.evidence_.resolution_m
+        kept, hidden = hide_gaps(cloud, resolution_m, self.seed)
+        hidden = voted(hidden, resolution_m) if self.calibration == "voxels" else hidden
         holding, values = self._look_up(hidden.points, self._complete_boxes(kept, self.frames_).value)
         counted = self.rank_weights_.occupied_weight if self.calibration == "points" else 1.0
         return cluster_factors(values, holding, hidden.occupied, self.rank_weights_, len(self.frames_), self.ridge, counted)

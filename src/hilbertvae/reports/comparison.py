@@ -53,7 +53,7 @@ def occlusion_table(result: Result) -> str:
             rows.append([name, *(f"{percent(found[region]['auc'])}; {_mean(found[region]['nll']):.3f}" for region in regions)])
     first = next(readings["voxels"] for readings in result.scores.values() if regions[0] in readings["voxels"])
     rows.append(["constant base rate", *(f"50.0; {_mean(first[region]['base_rate_nll']):.3f}" for region in regions)])
-    cases = min(len(result.gap_seeds), OCCLUSION_STEP[result.dimension])
+    cases = len({seed % OCCLUSION_STEP[result.dimension] for seed in result.gap_seeds})
     said = f"The {len(result.gap_seeds)} gap seeds are {cases} different choices of scans for occluded-sparse, and one for occluded-half."
     return markdown(["AUC; NLL (voxels)", *regions], rows) + "\n\n" + said
 

@@ -6,11 +6,13 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import Protocol
 
+import numpy as np
+
 from hilbertvae.checks import InputError
 from hilbertvae.tables.sweep import UNCLEAN, Run, Sweep
 
 OWN = "hilbertvae"
-SITE = "site"
+SITE, GAPS = "site", "gaps"
 NO_SITE = ("checkpoint", "mapper.")
 """What names among a run's data begin with that are no site: a network may well differ from row to row."""
 
@@ -52,6 +54,8 @@ def _facts(run: Run, same: tuple[str, ...]) -> Iterator[tuple[str, object]]:
     yield "protocol", sorted(result.protocol)
     yield "gap_seeds", result.gap_seeds
     yield "gap_diameter_m", result.gap_diameter_m
+    if result.gaps:  # two sites may have one name: what was cut tells them apart
+        yield GAPS, [[gaps["seed"], np.round(gaps["centres"], 3).tolist()] for gaps in result.gaps]
     for name, digest in run.about.get("data", {}).items():
         if not name.startswith(NO_SITE):
             yield f"data.{name}", digest

@@ -7,6 +7,7 @@ from itertools import cycle
 from matplotlib.figure import Figure
 
 from hilbertvae.drawing.colours import OTHERS
+from hilbertvae.tables.alike import GAPS
 from hilbertvae.tables.canvas import GREY, empty_picture, measured_rows, panels, percents
 from hilbertvae.tables.cases import case_rows, case_tables, champions
 from hilbertvae.tables.measure import LEGEND, Group, per_seed, score_of
@@ -15,7 +16,7 @@ from hilbertvae.tables.spread import differences, over_seeds, share_of
 from hilbertvae.tables.sweep import Run, Sweep, grouped
 
 CLUSTER = "grid.cluster_diameter_m"
-VARIES = frozenset({"protocol.gap_ratio", "protocol.cluster_size_m", "gap_diameter_m"})
+VARIES = frozenset({"protocol.gap_ratio", "protocol.cluster_size_m", "gap_diameter_m", GAPS})
 """What this sweep changes of the protocol: the gaps' size, however it is written."""
 TITLE = "Gap size by cluster size, as in the paper's Fig. 7"
 METRICS = {"precision": "precision", "recall": "recall", "f1": "F1", "best_f1": "best F1", "auc": "AUC"}

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from hilbertvae.drawing.colours import OTHERS, OURS
 from hilbertvae.reports.comparison import HEADLINES
 from hilbertvae.reports.mapper_names import is_rival
+from hilbertvae.tables.alike import GAPS, SITE
 from hilbertvae.tables.canvas import empty_picture, measured_rows, panels, percents
 from hilbertvae.tables.cases import case_rows, case_tables, champions
 from hilbertvae.tables.measure import LEGEND, Group, per_seed
@@ -14,7 +15,7 @@ from hilbertvae.tables.page import Column, Page, Row, measured, signed_points, t
 from hilbertvae.tables.spread import Spread, differences, over_seeds, share_of, spread
 from hilbertvae.tables.sweep import Sweep
 
-VARIES = frozenset({"site"})
+VARIES = frozenset({SITE, GAPS})
 TITLE = "Each site left out of training in turn"
 EVERY = "all sites"
 """The last row: mean and deviation over the sites' means."""

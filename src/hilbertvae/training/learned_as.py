@@ -1,10 +1,11 @@
-"""What a network's card keeps of how simulated sites were made, and its map's weights learned: a seed alone names no site."""
+"""What a network's card keeps of how its sites were made or read, and its map's weights learned: a seed, or a path, alone names no site."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.formats import ReadingSettings
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.site import SIMULATED, SiteSource
 from hilbertvae.training.settings import DataSettings, Settings
@@ -18,7 +19,8 @@ OF_WEIGHTS = ("validation_gap_m", "calibration_seeds")
 
 def learned_as(settings: Settings) -> dict:
     """What a card keeps of `settings`, as plain values."""
-    data = {"street": asdict(settings.data.street)} | {key: getattr(settings.data, key) for key in OF_SITES}
+    made = {name: asdict(getattr(settings.data, name)) for name in ("street", "reading")}
+    data = made | {key: getattr(settings.data, key) for key in OF_SITES}
     return {"data": data} | {key: getattr(settings, key) for key in OF_WEIGHTS}
 
 
@@ -28,7 +30,8 @@ def settings_of(card: dict, dimension: int) -> Settings:
         return Settings(dimension=dimension)
     try:
         data = card[KEY]["data"]
-        data = DataSettings(street=StreetSettings(**data["street"]), **{key: data[key] for key in OF_SITES})
+        reading = ReadingSettings(**data.get("reading", {}))  # older cards lack it
+        data = DataSettings(street=StreetSettings(**data["street"]), reading=reading, **{key: data[key] for key in OF_SITES})
         return Settings(dimension=dimension, data=data, **{key: card[KEY][key] for key in OF_WEIGHTS})
     except (KeyError, TypeError) as error:
         raise InputError(f"card.{KEY}: expected what a training of this version keeps there, got {card[KEY]!r:.60} ({error})") from error

@@ -69,16 +69,17 @@ def score(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconst
 
 
 def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
-    """Other `rank` weights for maps whose grids lie otherwise, or answer in another number, than the network's weights were learned for."""
+    """Other `rank` weights for maps whose grids lie otherwise, or answer in another number, or whose evidence has other voxels, than the
+    network's weights were learned for."""
     learned: dict = {}
     for mapper in mappers.values():
         network = getattr(mapper, "reconstructor", None)
         if not network or not network.map_weights or mapper.weights == "unit":
             continue
         known = {len(weights["unseen"]) - 1 for weights in network.map_weights.values()}
-        if mapper.inner_radius_m is None and known == {mapper.neighbours}:
+        if mapper.inner_radius_m is None and known == {mapper.neighbours} and mapper.resolution_m in (None, network.resolution_m):
             continue
-        chosen = {name: getattr(mapper, name) for name in ("neighbours", "inner_radius_m", "flips", "device")}
+        chosen = {name: getattr(mapper, name) for name in ("neighbours", "inner_radius_m", "resolution_m", "flips", "device")}
         key = (id(network), *chosen.values())
         if key not in learned:
             _check_calibration_sites(settings, network.card)
@@ -155,5 +156,7 @@ def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor:
                 check_unseen(settings.data.test, mapper.reconstructor.card, "data.test", f"the network of mapper.{name}")
         elif mapper.get_params(deep=False).get("resolution_m", NOT_THERE) is None:
             mapper.set_params(resolution_m=settings.resolution_m)
+        if name in given:
+            raise InputError(f"mapper.{name}: expected one mapper of that name; a network without sampling gives a `cvae-...` row this one")
         given[name] = mapper
     return given

@@ -63,7 +63,8 @@ def check_unseen(sites: list[str], card: dict, key: str, network: str) -> None:
         else:
             trained.add(place(site))
     known = [site for site in sites if (at := place(site)) in trained or any(_number(at) in many for many in simulated)]
-    known += [site for site, found in own_sites(sites).items() if contents and found in contents and site not in known]
+    found = {site: CATALOGUE[site].sha256 for site in sites if site in CATALOGUE} | (own_sites(sites) if contents else {})
+    known += [site for site in sites if found.get(site) in contents and site not in known]
     if known:
         raise InputError(f"{key}: {', '.join(known)} is among what {network} was trained on")
 
