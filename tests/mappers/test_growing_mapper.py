@@ -1,6 +1,8 @@
 """Maps that are fitted scan by scan, against the batch on the same clusters."""
 
+import os
 import pickle
+import signal
 
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ from hilbertvae.cloud import fit_cloud
 from hilbertvae.clusters.clusters import Clusters, search_tree
 from hilbertvae.grids.cluster_grids import GridSettings, bin_detailed, bin_grids, frames_of
 from hilbertvae.grids.frame import FrameSettings
+from hilbertvae.mappers.growing_clusters import GrowingClusters
 from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.saved_map import save_map
 from hilbertvae.mappers.weights import RankWeights
 from toy_rooms import tiny_grid, tiny_reconstructor
 
@@ -258,6 +262,50 @@ def test_a_bad_scan_is_named_and_changes_nothing(room, cloud, message):
         mapper.partial_fit(*cloud)
     for ours, theirs in zip(answers(mapper, queries_of(room)), before, strict=True):
         np.testing.assert_array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize("step", ["_touched", "_draw_seeds", "_promote", "_find_frames"])
+def test_ctrl_c_waits_until_a_scan_is_whole(room, monkeypatch, step):
+    """Half of a scan's votes could not be taken back, and the scan would count twice when it is given again."""
+    parts, original = clouds(room)[:4], getattr(GrowingClusters, step)
+    mapper, whole = (streamed(HilbertMap(weights="unit", grid=tiny_grid()), parts[:2]) for _ in range(2))
+    pressed = []
+
+    def stopped(self, *arguments):
+        if not pressed:
+            pressed.append(os.kill(os.getpid(), signal.SIGINT))
+        return original(self, *arguments)
+
+    monkeypatch.setattr(GrowingClusters, step, stopped)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            add(mapper, parts[2])
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert pressed
+    for ours, theirs in zip(
+        answers(add(mapper, parts[3]), queries_of(room)), answers(streamed(whole, parts[2:]), queries_of(room)), strict=True
+    ):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_a_map_with_half_a_scan_says_so(room, monkeypatch, tmp_path):
+    parts = clouds(room)[:4]
+    mapper = streamed(HilbertMap(weights="unit", grid=tiny_grid()), parts[:2])
+    monkeypatch.setattr(GrowingClusters, "_promote", lambda *arguments: np.empty(10**18))
+    with pytest.raises(MemoryError):
+        add(mapper, parts[2])
+    for use in (
+        lambda: add(mapper, parts[2]),
+        lambda: mapper.predict_proba([[0.0, 0.0]]),
+        lambda: save_map(mapper, tmp_path / "a.safetensors"),
+    ):
+        with pytest.raises(InputError, match="partial_fit: a scan was added in part, and the map is damaged"):
+            use()
+    assert not (tmp_path / "a.safetensors").exists()
+    monkeypatch.undo()
+    mapper.fit(parts[0].points, parts[0].occupied).predict_proba([[0.0, 0.0]])
 
 
 def test_settings_that_cannot_grow(room):

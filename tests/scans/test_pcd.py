@@ -52,6 +52,21 @@ def test_other_fields_and_two_dimensions(tmp_path):
     np.testing.assert_array_equal(found.origins, [4, 5, 6])
 
 
+@ENCODINGS
+def test_odd_comments_and_names_of_fields_are_read_past(tmp_path, encoding):
+    """pypcd4 takes comments in UTF-8 alone, and names without marks."""
+    rows = np.array([(7, 1, 2, 3, 8), (9, 4, 5, 6, 10)], np.dtype("<f4, <f4, <f4, <f4, <f4").descr)
+    packed = np.concatenate([rows[name] for name in rows.dtype.names]).tobytes()
+    data = {"ascii": b"7 1 2 3 8\n9 4 5 6 10\n", "binary": rows.tobytes()}
+    data["binary_compressed"] = struct.pack("<II", len(packed) + 2, len(packed)) + b"".join(
+        bytes([len(part) - 1]) + part for part in (packed[:32], packed[32:])
+    )
+    changed = {"FIELDS": "scan:time x y z Scalar#1", "SIZE": "4 4 4 4 4", "TYPE": "F F F F F", "COUNT": "1 1 1 1 1", "WIDTH": "2"}
+    path = write(tmp_path, data[encoding], **changed, DATA=encoding)
+    path.write_bytes(b"# caf\xe9\n" + path.read_bytes())
+    np.testing.assert_array_equal(read_pcd(path).points, [[1, 2, 3], [4, 5, 6]])
+
+
 OLD = {"COUNT": None, "VIEWPOINT": None}
 
 

@@ -38,6 +38,13 @@ def test_elements_ahead_of_the_vertices_and_lists_behind_them(tmp_path):
     np.testing.assert_array_equal(read_ply(path).points, POINTS)
 
 
+@pytest.mark.parametrize("said", ["comment scanned in Ålesund", "obj_info C:\\Scans\\Åland, \x0c\x1c"])
+def test_letters_of_other_languages_end_no_line(tmp_path, said):
+    path = tmp_path / "a.ply"
+    path.write_bytes(f"ply\nformat ascii 1.0\n{said}\nelement vertex 1\n{XYZ}\nend_header\n1 2 3\n".encode())
+    np.testing.assert_array_equal(read_ply(path).points, [[1, 2, 3]])
+
+
 def test_carriage_returns(tmp_path):
     path = write_ply(tmp_path / "a.ply", encoding="ascii")
     path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))

@@ -32,6 +32,9 @@ from hilbertvae.scans.point_text import read_point_text
         ("x,y,z\n1,2,3,\n", [[1, 2, 3]]),
         ("x,y,z,t\n1,2,3,4\n,,,\n , , , \n5,6,7,8\n,,,,\n", [[1, 2, 3], [np.nan] * 3, [np.nan] * 3, [5, 6, 7], [np.nan] * 3]),
         ("x;y\n;\n", [[np.nan, np.nan]]),
+        ("GPS time\tx\ty\tz\tintensity\n\n# a note\n100.5\t1\t2\t3\t50 # good\n", [[1, 2, 3]]),
+        ("# GPS time\tx\ty\tz\tintensity\n100.5\t1\t2\t3\t50\n", [[1, 2, 3]]),
+        ("t\tx\ty\tz\n9 1 2 3\n", [[1, 2, 3]]),
     ],
 )
 def test_tables(tmp_path, text, expected):
@@ -56,7 +59,10 @@ def test_tables(tmp_path, text, expected):
         ("a,b,c\n1,2,3\n", "expected numbers, or a first line that names columns x, y"),
         ("x,y,z\n", "expected lines of numbers, found none"),
         ("x,y,z\n1,,3\n", "can't be read as a text file of points"),
-        ("x,y,z\n1,2\n", "can't be read as a text file of points"),
+        ("x,y,z\n1,2\n", r"expected as many columns as its first line names, 3 \(x y z\), the rows have 2"),
+        ("x,y,z\n1,0.5,0.6,0.7\n", r"expected as many columns as its first line names, 3 \(x y z\), the rows have 4"),
+        ("x y z\n1 0.5 0.6 0.7\n", "the rows have 4"),  # as R writes it, with names of rows
+        ("Point ID X Y Z R\n7 0.5 0.6 0.7 9\n", "names, 6 .*, the rows have 5"),
     ],
 )
 def test_bad_files_are_named(tmp_path, text, message):

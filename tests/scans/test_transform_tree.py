@@ -64,6 +64,19 @@ def test_between_two_samples():
     assert track.at(9) is None and track.at(61) is None
 
 
+@pytest.mark.parametrize(
+    ("step_s", "hole_s", "holds"), [(1, 9.9, True), (1, 10.1, False), (1, 98, False), (30, 149, True), (30, 151, False)]
+)
+def test_in_a_hole_there_is_no_pose(step_s, hole_s, holds):
+    """A recording that stalled, or a robot that was carried, is no straight way; what comes once in half a minute has no hole there."""
+    track, before, after = PoseTrack("track"), np.arange(4) * step_s, (3 * step_s + hole_s) + np.arange(4) * step_s
+    for second in (*before, *after):
+        track.add(int(second * 1e9), xyz((second, 0, 0)), xyzw(Rotation.identity()))
+    assert (track.at(int((before[-1] + hole_s / 2) * 1e9)) is not None) == holds
+    for second in (before[-1], before[1] + step_s / 2, after[0], after[2] + step_s / 2):
+        np.testing.assert_allclose(track.at(int(second * 1e9))[0, 3], second)
+
+
 def test_of_one_time_the_last_sample_counts_and_a_single_one_holds_always():
     track = PoseTrack("track")
     track.add(5, xyz((1, 0, 0)), xyzw(Rotation.identity()))

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from hilbertvae.bucket_index import BucketIndex
+from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.clusters.clusters import Clusters, ball_sizes, search_tree
 from hilbertvae.clusters.starts import quick_means_seeds
@@ -56,6 +57,8 @@ class GrowingClusters:
         self._value = GrowingArray(completed.value)
         self._known = None if completed.known is None else GrowingArray(completed.known)
         self._stale = GrowingArray(np.zeros(len(seeds), bool))
+        self.is_whole = True
+        """False where `add` was ended half-way, for want of memory: what it did can't be taken back."""
         self.small_seeds = np.empty((0, seeds.shape[1])) if small_seeds is None else small_seeds
         if small_seeds is None and len(evidence):
             cloud = evidence.cloud()
@@ -80,7 +83,12 @@ class GrowingClusters:
 
     def add(self, cloud: Cloud) -> None:
         """Add a scan to the evidence, and find the clusters that it touches and makes, and their frames."""
-        rows, *before = self.evidence.add(cloud.points, cloud.occupied, cloud.weight)
+        self.is_whole = False
+        try:
+            rows, *before = self.evidence.add(cloud.points, cloud.occupied, cloud.weight)
+        except InputError:  # refused before anything was altered
+            self.is_whole = True
+            raise
         hit = rows[self.evidence.hits[rows] > before[0]]
         if self._cell_is_voxel():
             after = self.evidence.hits[rows], self.evidence.frees[rows]
@@ -97,6 +105,7 @@ class GrowingClusters:
             self._promote(returns)
         moved = touched[:0] if self.grid.frame in FROM_SEEDS else touched
         self._find_frames(np.append(moved, np.arange(count, len(self.seeds))))
+        self.is_whole = True
 
     def settle(self, completed_parts: CompletedParts, wanted: np.ndarray | None = None) -> None:
         """Make the stale clusters' grids from the evidence as it is now; of these only the `wanted (M,)`, if that is given."""

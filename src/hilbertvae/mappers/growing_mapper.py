@@ -13,6 +13,7 @@ from hilbertvae.grids.frame import Frames
 from hilbertvae.mappers.completing_mapper import CompletingMapper
 from hilbertvae.mappers.growing_clusters import GrowingClusters
 from hilbertvae.reconstruction.reconstructor import Completion
+from hilbertvae.signals import not_stopped
 
 
 class GrowingMapper(CompletingMapper):
@@ -45,6 +46,7 @@ class GrowingMapper(CompletingMapper):
 
     def _add(self, points, occupied, sample_weight, classes, first) -> None:
         points, occupied, weight = self._checked_cloud(points, occupied, sample_weight, first)
+        self._check_whole()
         self._check_network(points.shape[1])  # a loaded map's is looked for now, before anything is altered
         if first:
             occupied = self._learn_labels(occupied, both=False) if classes is None else self._named_labels(occupied, classes)
@@ -59,13 +61,20 @@ class GrowingMapper(CompletingMapper):
             settings = self.grid_, self.detailed_, self.seed
             self._growing = GrowingClusters(self.evidence_, *settings, self.seeds_, self.frames_, completed, self.small_seeds_)
         growing = self._growing
-        growing.add(cloud)
-        self.seeds_, self.small_seeds_, self.frames_ = growing.seeds, growing.small_seeds, growing.frames
-        self.grids_, self.known_ = growing.completed.value, growing.completed.known
+        with not_stopped():  # half a scan's votes can't be taken back
+            growing.add(cloud)
+            self.seeds_, self.small_seeds_, self.frames_ = growing.seeds, growing.small_seeds, growing.frames
+            self.grids_, self.known_ = growing.completed.value, growing.completed.known
+
+    def _check_whole(self) -> None:
+        """An `InputError` after a scan was added in part, for want of memory."""
+        if self._growing is not None and not self._growing.is_whole:
+            raise InputError("partial_fit: a scan was added in part, and the map is damaged; load it again, or fit it anew")
 
     def settle(self, queries: np.ndarray | None = None):
         """Reconstruct what scans have changed; given `queries (Q, D)`, only the boxes that answer them, as each query does by itself."""
         check_is_fitted(self)
+        self._check_whole()
         if self._growing is None or not self._growing.stale.any():
             return self
         wanted = None

@@ -74,9 +74,10 @@ class BagPoses:
         if self.odometry is None or (self.fixed_frame and self.odometry_frame != wanted[0]):
             known = f"frames of transforms: {', '.join(self.tree.frames) or 'none'}"
             known += f"; odometry in {self.odometry_frame}" if self.odometry else "; no odometry"
+            still = f", or to {sensor} if the sensor stood still" if sensor else ""
             raise InputError(
-                f"nothing says where {sensor!r} was in {' or '.join(wanted)} ({known}). Set reading.fixed_frame to another frame, or to "
-                f"{sensor} if the sensor stood still; for clouds, reading.poses=kiss_icp finds the way"
+                f"nothing says where {sensor!r} was in {' or '.join(wanted)} ({known}). Set reading.fixed_frame to another frame{still}; "
+                "for clouds, reading.poses=kiss_icp finds the way"
             )
         self.fixed_frame = self.odometry_frame
         if sensor != self.base_frame and not self.tree.connects(self.base_frame, sensor):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import struct
 from pathlib import Path
 
@@ -17,6 +18,7 @@ MAX_VALUES = 1024
 """Numbers a point may have; pypcd4 makes a name for each before it looks at the data."""
 OLD_VERSIONS = {".5", "0.5", ".6", "0.6"}
 """Read like 0.7: the lines that files of these may lack, COUNT and VIEWPOINT, have defaults. pypcd4 knows 0.7 alone."""
+PLAIN_NAME = re.compile(r"[\w.-]+", re.ASCII)
 DEFAULT_VIEWPOINT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 NO_VIEWPOINTS = (DEFAULT_VIEWPOINT, (0.0,) * 7)
 """tx ty tz qw qx qy qz: what writers put that don't know where the sensor stood, some of them nothing but zeros."""
@@ -32,7 +34,7 @@ def read_pcd(path: str | os.PathLike) -> FilePoints:
     path, pypcd4 = Path(path), extra_module("points", "pypcd4.pypcd4")
     with reading(path, "a PCD file"):
         with open(path, "rb") as file:
-            lines = _header_lines(file)
+            lines, is_plain = _header_lines(file)
             if not lines:
                 raise InputError(f"{path}: expected a PCD file's header, found nothing")
             mended, start = _as_new(lines), file.tell()
@@ -40,7 +42,7 @@ def read_pcd(path: str | os.PathLike) -> FilePoints:
             names = _check(path, file, header)
             if header.data.value == "ascii":
                 return FilePoints(_ascii(path, file, header, names), _given_origin(path, header, names))
-            if mended == lines:
+            if is_plain and mended == lines:
                 cloud = pypcd4.PointCloud.from_path(path)
             else:  # pypcd4 reads the header again, so it is given a new one
                 file.seek(start)
@@ -63,26 +65,35 @@ def _ascii(path: Path, file, header, names: list[str]) -> np.ndarray:
     return rows
 
 
-def _header_lines(file) -> list[str]:
-    """The header's lines and the file at its data, as pypcd4 takes them: up to DATA, ten lines at most, comments left out."""
-    lines = []
+def _header_lines(file) -> tuple[list[str], bool]:
+    """The header's lines and the file at its data, as pypcd4 takes them: up to DATA, ten lines at most, comments left out. Also whether
+    pypcd4 can read them itself, which takes comments in UTF-8 alone."""
+    lines, is_plain = [], True
     for line in file:
-        text = line.decode("utf-8").strip()
+        is_plain &= line.isascii()
+        text = line.decode("latin1").strip()
         if text and not text.startswith("#"):
             lines.append(text)
             if text.startswith("DATA") or len(lines) >= 10:
                 break
-    return lines
+    return lines, is_plain
 
 
 def _as_new(lines: list[str]) -> list[str]:
-    """The header's lines as version 0.7 has them: COUNT is 1 for each field where there is none, as PCL takes it."""
+    """The header's lines as pypcd4 takes them: of version 0.7, where COUNT is 1 for each field if there is none, as PCL takes it, and with
+    names of fields that have no marks but underscores, points and dashes."""
+    lines = [_with_plain_names(line) if line.split()[0].upper() == "FIELDS" else line for line in lines]
     words = {line.split()[0].upper(): line.split()[1:] for line in lines}
     if OLD_VERSIONS.intersection(words.get("VERSION", [])[:1]):
         lines = [line for line in lines if line.split()[0].upper() != "VERSION"]
     if "COUNT" not in words and words.get("FIELDS"):
         lines = [*lines, "COUNT" + " 1" * len(words["FIELDS"])]
     return lines
+
+
+def _with_plain_names(line: str) -> str:
+    keyword, *names = line.split()
+    return " ".join([keyword, *(name if PLAIN_NAME.fullmatch(name) else f"odd_{place}" for place, name in enumerate(names))])
 
 
 def _check(path: Path, file, header) -> list[str]:

@@ -88,8 +88,8 @@ def _header(path: Path, start: bytes) -> tuple[str, list[_Element], int]:
     if end < 0 or stop < 0:
         raise InputError(f"{path}: truncated; expected end_header within {MAX_HEADER} bytes")
     order, elements = None, []
-    for line in start[:end].decode("latin1").splitlines()[1:]:
-        match line.split():
+    for line in start[:end].splitlines()[1:]:  # of text, letters of other languages are ends of lines, too
+        match line.decode("latin1").split():
             case ["format", name, _] if name in BYTE_ORDERS:
                 order = BYTE_ORDERS[name]
             case ["element", name, count] if count.isdecimal() and len(count) < 19:
@@ -102,7 +102,7 @@ def _header(path: Path, start: bytes) -> tuple[str, list[_Element], int]:
             case [] | ["comment", *_] | ["obj_info", *_]:
                 pass
             case _:
-                raise InputError(f"{path}: expected a line of a PLY header, got {line[:60]!r}")
+                raise InputError(f"{path}: expected a line of a PLY header, got {line.decode('latin1')[:60]!r}")
     if order is None:
         raise InputError(f"{path}: expected a format line, one of {', '.join(BYTE_ORDERS)}")
     return order, elements, stop + 1

@@ -33,7 +33,8 @@ def number_table(
 def read_point_text(path: str | os.PathLike) -> FilePoints:
     """The points of a table, metres. Two columns are 2D; of three and more the first three are x, y, z.
 
-    A first line that is not numbers names the columns: x, y and, in 3D, z are then found by name, whatever stands beside them. So does
+    A first line that is not numbers names the columns, as many as rows have: x, y and, in 3D, z are then found by name, whatever stands
+    beside them. Names may have spaces in them where tabs, commas or semicolons stand between. So does
     the last comment ahead of the numbers, if it has a word for each column and x and y among them, as numpy and CloudCompare write it.
     Other lines that start with # or // are passed over. Rows may end in a delimiter. `nan` is a beam without a return,
     as is a row of delimiters alone. Raises `InputError` for anything else.
@@ -57,8 +58,13 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
         if all(map(_is_number, fields)):
             coordinates = _commented_columns(comment, delimiter, len(fields)) or coordinates
         else:
-            columns = _named_columns(path, fields)
             start, above = file.tell(), above + line.endswith(b"\n")
+            row = _first_row(file)
+            if delimiter is None and 0 < first.count(b"\t") == row.count(b"\t"):
+                delimiter = "\t"
+                fields = _fields(first, delimiter)
+            columns = _named_columns(path, fields)
+            _check_row(path, row, delimiter, fields)
         table = _plain_table(path, delimiter, columns, above)
         if table is None:
             file.seek(start)
@@ -69,6 +75,23 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
         if table.shape[1] < 2:
             raise InputError(f"{path}: expected 2 or more columns, found {table.shape[1]}")
         return FilePoints(table[:, coordinates])
+
+
+def _first_row(file) -> bytes:
+    """The next line that has more than a comment, without that; empty at the end of the file."""
+    for line in iter(lambda: file.readline(MAX_LINE), b""):
+        if row := re.split(rb"#|//", line)[0].strip():
+            return row
+    return b""
+
+
+def _check_row(path: Path, row: bytes, delimiter: str | None, names: list[str]) -> None:
+    """An `InputError` for a row of more or fewer columns than are named: x, y and z would be others'."""
+    is_blank = delimiter is not None and not row.strip(delimiter.encode() + b" \t")
+    if not is_blank and (found := len(_fields(row, delimiter))) != len(names):
+        raise InputError(
+            f"{path}: expected as many columns as its first line names, {len(names)} ({' '.join(names)[:60]}), the rows have {found}"
+        )
 
 
 def _plain_table(path: Path, delimiter: str | None, columns: Sequence[int] | None, above: int) -> np.ndarray | None:
@@ -124,7 +147,7 @@ def _commented_columns(comment: bytes, delimiter: str | None, count: int) -> lis
     """The columns of x, y (and z) where a comment names all `count` columns, else None: most comments are just that."""
     text = re.sub(rb"^(#|//)+\s*", b"", comment)
     # numpy.savetxt writes its header as it is given, which may be apart by spaces above numbers apart by commas.
-    for fields in (_fields(text, delimiter), re.split(r"[\s,;]+", text.decode("latin1"))):
+    for fields in (_fields(text, delimiter), _fields(text, "\t"), re.split(r"[\s,;]+", text.decode("latin1"))):
         names = [field.lower() for field in fields]
         if len(names) == count and {"x", "y"} <= set(names):
             return _coordinates(names)

@@ -12,6 +12,11 @@ from hilbertvae.scans.frame_chains import are_connected, find_chain
 from hilbertvae.scans.poses import FARTHEST_M, RIGID
 from hilbertvae.scans.quaternions import rotation_matrices, slerp
 
+LONGEST_HOLE_S = 10.0
+"""Between two samples that are farther apart there is no pose, as in tf2, which remembers so much: meanwhile a robot may have been carried.
+Of what comes more rarely they may be `MANY_STEPS` times as far apart as half of its samples are."""
+MANY_STEPS = 5
+
 
 class PoseTrack:
     """The pose of one frame in another over time: samples in any order, and between two of them the way that both ends suggest."""
@@ -30,7 +35,8 @@ class PoseTrack:
         self._sorted = None
 
     def at(self, stamp_ns: int) -> np.ndarray | None:
-        """(4, 4) at a time: interpolated, places on a line and turns at a constant rate. None before the first sample and after the last.
+        """(4, 4) at a time: interpolated, places on a line and turns at a constant rate. None before the first sample, after the last, and
+        in a hole (`LONGEST_HOLE_S`).
 
         A single sample holds at all times. Raises `InputError` where a sample is no rigid motion; those whose quaternion was never set, as
         drivers send them before they know, are left out with a warning.
@@ -43,6 +49,8 @@ class PoseTrack:
             return None
         if stamps[after] == stamp_ns:
             return _matrix(rows[after, :3], rows[after, 3:])
+        if stamps[after] - stamps[after - 1] > max(LONGEST_HOLE_S * 1e9, MANY_STEPS * float(np.median(np.diff(stamps)))):
+            return None
         share = float(stamp_ns - stamps[after - 1]) / float(stamps[after] - stamps[after - 1])
         first, second = rows[after - 1], rows[after]
         return _matrix(first[:3] + share * (second[:3] - first[:3]), slerp(first[3:], second[3:], share))
