@@ -6,6 +6,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.mappers import completing_mapper
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.saved_map import load_map, save_map
+from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.site import Site
 from toy_rooms import box_room, tiny_grid, tiny_reconstructor
 
@@ -101,6 +102,17 @@ def test_boxes_are_completed_in_portions_as_in_one_go(place, monkeypatch, raw):
     else:
         np.testing.assert_array_equal(portions.known_, whole.known_)
         assert reports == [(min(done, count), count) for done in range(2, count + 2, 2)]
+
+
+def test_large_boxes_are_completed_fewer_at_a_time(place, monkeypatch):
+    """A network holds its levels of a whole batch."""
+    network, batches, original = tiny_reconstructor(place.dimension), [], Reconstructor.complete
+    monkeypatch.setattr(Reconstructor, "complete", lambda *given, **named: batches.append(named["batch"]) or original(*given, **named))
+    for cells, batch in ((16**place.dimension * 3, 3), (16**place.dimension - 1, 1), (2**21, 64)):
+        monkeypatch.setattr(completing_mapper, "BATCH_CELLS", cells)
+        fit(HilbertMap(network), place.fit)
+        assert set(batches) == {batch}
+        batches.clear()
 
 
 def test_a_site_too_small_to_cut_gaps_from_leaves_the_network_as_it_is():

@@ -26,8 +26,8 @@ CUT_GAPS_M = (1.5, 3.5)
 MOST_CLUSTERINGS = 8
 SHOWN_BYTES = 2**28
 """Of what a network is shown of a map so much lies in memory at a time: with details it is larger than what is kept."""
-BATCH = 64
-"""Grids that a network completes at a time."""
+BATCH, BATCH_CELLS = 64, 2**21
+"""Grids that a network completes at a time, and their cells, if so many would have more: what its levels hold meanwhile grows with them."""
 
 
 class CompletingMapper(Mapper):
@@ -99,7 +99,8 @@ class CompletingMapper(Mapper):
         points around some frames."""
         count, dimension = frames.centre.shape
         channels = PLACES + dimension if self.detailed_ else 1
-        at_once = max(1, SHOWN_BYTES // (channels * self.grid_.cells**dimension * BATCH)) * BATCH
+        cells, batch = self.grid_.cells**dimension, self._batch(dimension)
+        at_once = max(1, SHOWN_BYTES // (channels * cells * batch)) * batch
         for start in range(0, count, at_once):
             chosen = slice(start, min(start + at_once, count))
             boxes = frames.select(chosen)
@@ -110,7 +111,11 @@ class CompletingMapper(Mapper):
         network = self.adapted_ or self.reconstructor
         if network is None:
             return Completion(grids, None)
-        return network.complete(grids, self.flips_, batch=BATCH, device=self.device, progress=progress)
+        batch = self._batch(network.dimension)
+        return network.complete(grids, self.flips_, batch=batch, device=self.device, progress=progress)
+
+    def _batch(self, dimension: int) -> int:
+        return max(1, min(BATCH, BATCH_CELLS // self.grid_.cells**dimension))
 
     def _check_adaptation(self) -> None:
         steps = check_whole(self.adapt_steps, "adapt_steps")
