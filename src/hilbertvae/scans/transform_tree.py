@@ -26,7 +26,7 @@ class PoseTrack:
         """What messages call it."""
         self._rows: list[tuple[float, ...]] = []
         self._stamps: list[int] = []
-        self._sorted: tuple[np.ndarray, np.ndarray] | None = None
+        self._sorted: tuple[np.ndarray, np.ndarray, float] | None = None
 
     def add(self, stamp_ns: int, translation, rotation) -> None:
         """A sample: nanoseconds, and ROS's `Vector3` (or `Point`) in metres and `Quaternion`."""
@@ -41,7 +41,7 @@ class PoseTrack:
         A single sample holds at all times. Raises `InputError` where a sample is no rigid motion; those whose quaternion was never set, as
         drivers send them before they know, are left out with a warning.
         """
-        stamps, rows = self._samples()
+        stamps, rows, longest_ns = self._samples()
         if len(stamps) == 1:
             return _matrix(rows[0, :3], rows[0, 3:])
         after = int(np.searchsorted(stamps, stamp_ns))
@@ -49,14 +49,14 @@ class PoseTrack:
             return None
         if stamps[after] == stamp_ns:
             return _matrix(rows[after, :3], rows[after, 3:])
-        if stamps[after] - stamps[after - 1] > max(LONGEST_HOLE_S * 1e9, MANY_STEPS * float(np.median(np.diff(stamps)))):
+        if stamps[after] - stamps[after - 1] > longest_ns:
             return None
         share = float(stamp_ns - stamps[after - 1]) / float(stamps[after] - stamps[after - 1])
         first, second = rows[after - 1], rows[after]
         return _matrix(first[:3] + share * (second[:3] - first[:3]), slerp(first[3:], second[3:], share))
 
-    def _samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """The times (S,) int64, increasing, and the samples (S, 7)."""
+    def _samples(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """The times (S,) int64, increasing, the samples (S, 7), and from how many nanoseconds on there is a hole between two."""
         if self._sorted is None:
             stamps, last = np.unique(np.array(self._stamps[::-1], np.int64), return_index=True)  # of one time, the last that came
             rows = np.array(self._rows[::-1])[last]
@@ -72,7 +72,8 @@ class PoseTrack:
                     f"{self.name}: expected a place in metres and a unit quaternion, got {rows[np.flatnonzero(~sound)[0]].tolist()}"
                 )
             rows[:, 3:] /= length
-            self._sorted = stamps, rows
+            usual_ns = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
+            self._sorted = stamps, rows, max(LONGEST_HOLE_S * 1e9, MANY_STEPS * usual_ns)
         return self._sorted
 
 
