@@ -58,6 +58,8 @@ def test_tables(tmp_path, text, expected):
         ("1,5 2,5 3,5\n", "expected numbers, or a first line that names columns"),
         ("a,b,c\n1,2,3\n", "expected numbers, or a first line that names columns x, y"),
         ("x,y,z\n", "expected lines of numbers, found none"),
+        ("x y z\n", "expected lines of numbers, found none"),
+        ("x\ty\tz\n# a note\n", "expected lines of numbers, found none"),
         ("x,y,z\n1,,3\n", "can't be read as a text file of points"),
         ("x,y,z\n1,2\n", r"expected as many columns as its first line names, 3 \(x y z\), the rows have 2"),
         ("x,y,z\n1,0.5,0.6,0.7\n", r"expected as many columns as its first line names, 3 \(x y z\), the rows have 4"),

@@ -87,7 +87,7 @@ def _first_row(file) -> bytes:
 
 def _check_row(path: Path, row: bytes, delimiter: str | None, names: list[str]) -> None:
     """An `InputError` for a row of more or fewer columns than are named: x, y and z would be others'."""
-    is_blank = delimiter is not None and not row.strip(delimiter.encode() + b" \t")
+    is_blank = not row.strip((delimiter or " ").encode() + b" \t")  # no row at all, or a beam without a return
     if not is_blank and (found := len(_fields(row, delimiter))) != len(names):
         raise InputError(
             f"{path}: expected as many columns as its first line names, {len(names)} ({' '.join(names)[:60]}), the rows have {found}"
