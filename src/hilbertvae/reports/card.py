@@ -25,10 +25,11 @@ TERMS = {
 }
 """Of scans, by a word in a site's name; 2D logs are all of one source."""
 LIMITS = {
-    2: "Made for buildings at cells of 0.1 m and boxes of 12.8 m or less: outdoors, or at another resolution, it has never been tried.",
-    3: "Made for streets at cells of 0.2 m and boxes of 6.4 m, with the vertical as the third axis: thin poles, the far ends of cars and "
-    "hedges are guessed coarsely, and rooms have never been tried.",
+    2: "Made for buildings at {at}: outdoors, or at another resolution, it has never been tried.",
+    3: "Made for streets at {at}, with the vertical as the third axis: thin poles, the far ends of cars and hedges are guessed coarsely, "
+    "and rooms have never been tried.",
 }
+"""`at`: which cells and boxes."""
 GUESSES = (
     "What it fills in is a guess from other places; `observed(points)` tells what was seen. Rows `occluded` are of what no scan "
     "that it was shown had seen: where its NLL there is above the base rate's, knowing only the share of occupied cells would do better."
@@ -45,6 +46,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
     network = Reconstructor.load(weights)
     card = network.card
     count = sum(parameter.numel() for parameter in network.network.parameters())
+    at = f"cells of {network.grid.cell_m:g} m and boxes of {network.grid.cells * network.grid.cell_m:g} m"
     lines = [
         f"# {name}: {SHIPPED[name]}",
         f'`hilbertvae.load_mapper("{name}")`. {count:,} weights, as int8 with a scale per channel; {weights.stat().st_size:,} bytes; '
@@ -59,7 +61,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         "## Scores",
         *([_scores([read_result(path)[0] for path in results]), _made(results)] if results else ["Not scored yet."]),
         "## Limits",
-        f"{LIMITS[network.dimension]} {GUESSES}",
+        f"{LIMITS[network.dimension].format(at=at)} {GUESSES}",
         "## Terms",
         _terms(card),
     ]
