@@ -15,6 +15,11 @@ def settings_of(*overrides: str):
         return to_settings(compose("config", overrides=list(overrides)))
 
 
+def key_of(word: str) -> str:
+    """`a.b` of `++a.b=1` and of `a={b: 1}`."""
+    return word.lstrip("+").replace("={", ".").split(":")[0].split("=")[0]
+
+
 @pytest.fixture(scope="module")
 def network(tmp_path_factory):
     return tiny_reconstructor().save(tmp_path_factory.mktemp("given") / "network.safetensors")
@@ -39,26 +44,27 @@ def test_the_result_says_what_grid_and_network_were_scored(tmp_path, network):
                                   "likelihood.kind=signed", "calibration_occupied_weight=1"])  # fmt: skip
 def test_what_a_network_brings_with_it_is_not_set_beside_it(network, word):
     settings = settings_of(f"checkpoint={network}")
-    key = word.lstrip("+").split("=")[0]
-    with pytest.raises(InputError, match=f"^{key}: expected none beside checkpoint=.*, which has its own"):
+    with pytest.raises(InputError, match=f"^{key_of(word)}: expected none beside checkpoint=.*, which has its own"):
         refuse_ignored(settings, ["seed=1", word])
     refuse_ignored(settings, ["seed=1", "experiment=real_2d", "mapper=[cvae-hm]", "evaluation.occlusion=false"])
     refuse_ignored(settings_of(), [word])
 
 
-@pytest.mark.parametrize("word", ["trainer.epochs=5", "++trainer.learning_rate=1", "clustering.clusterings=2", "augmentation.balls=3"])
+@pytest.mark.parametrize("word", ["trainer.epochs=5", "++trainer.learning_rate=1", "clustering.clusterings=2", "augmentation.balls=3",
+                                  "trainer={epochs: 5}", "augmentation={balls: 3}", "clustering={turn: false}"])  # fmt: skip
 def test_how_networks_are_trained_is_not_said_beside_one(network, word):
-    settings, key = settings_of(f"checkpoint={network}"), word.lstrip("+").split("=")[0]
-    with pytest.raises(InputError, match=f"^{key}: expected none beside checkpoint=.*, which was trained before"):
+    settings = settings_of(f"checkpoint={network}")
+    with pytest.raises(InputError, match=f"^{key_of(word)}: expected none beside checkpoint=.*, which was trained before"):
         refuse_ignored(settings, ["seed=1", word])
-    refuse_ignored(settings, ["trainer.threads=2", "trainer.accelerator=cpu", "debug=fast"])  # how maps are made, too
+    refuse_ignored(settings, ["trainer.threads=2", "trainer={accelerator: cpu}", "trainer=ddp", "debug=fast"])  # how maps are made, too
     refuse_ignored(settings_of(), [word])
 
 
-@pytest.mark.parametrize("word", ["validation_gap_m=1", "calibration_seeds=[7]", "data.calibrate=[simulated:900050]"])
+@pytest.mark.parametrize("word", ["validation_gap_m=1", "calibration_seeds=[7]", "data.calibrate=[simulated:900050]",
+                                  "data={calibrate: [simulated:900050]}"])  # fmt: skip
 def test_how_weights_are_learned_counts_for_maps_that_learn_them(network, word):
     for usual in ([], ["mapper=[cvae-hm]"]):  # baselines of the default list have radii of their own, and no network
-        with pytest.raises(InputError, match=f"^{word.split('=')[0]}: expected none beside checkpoint=.*, which has its map's weights"):
+        with pytest.raises(InputError, match=f"^{key_of(word)}: expected none beside checkpoint=.*, which has its map's weights"):
             refuse_ignored(settings_of(f"checkpoint={network}", *usual), [word])
     refuse_ignored(settings_of(f"checkpoint={network}", "mapper=[cvae-hm]", "+mapper.cvae-hm.neighbours=3"), [word])
     refuse_ignored(settings_of("mapper=[cvae-hm]"), [word])

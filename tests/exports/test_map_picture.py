@@ -31,6 +31,13 @@ def test_what_was_filled_in_is_in_the_second_panel_alone(dimension, tmp_path):
     assert dark[1] > 1.2 * dark[0] > 0
 
 
+@pytest.mark.parametrize("shape", [(2, 400), (400, 2)])
+def test_a_corridor_has_room_for_its_titles(shape, tmp_path, recwarn):
+    index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
+    image = Image.open(write_picture(cells_of(index), tmp_path / "map.png", "corridor"))
+    assert min(image.size) > 200 and not recwarn.list
+
+
 def test_free_space_alone_is_no_fault(tmp_path):
     index = np.stack(np.meshgrid(*[np.arange(5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     assert write_picture(cells_of(index, probability=0.1), tmp_path / "map.png", "free").exists()

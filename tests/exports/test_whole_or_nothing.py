@@ -4,13 +4,15 @@ import errno
 import json
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from export_toys import random_cells
 
 from hilbertvae.exports.grid_npz import write_grid
-from hilbertvae.exports.map_folder import SUMMARY, replace_map
+from hilbertvae.exports.map_folder import SUMMARY, replace_map, writing_beside
 from hilbertvae.exports.mesh_ply import write_mesh_ply
 from hilbertvae.exports.octree import write_octree_map
 from hilbertvae.exports.points_ply import write_points_ply
@@ -104,3 +106,16 @@ def test_a_map_that_was_ended_by_force_says_so_and_can_be_made_again(tmp_path, m
     replace_map(again, output, ["map.npz", "map.safetensors"])
     assert contents(output) == {"map.npz": "new", "map.safetensors": "new"}
     assert "unfinished" not in json.loads((output / SUMMARY).read_text())
+
+
+def test_what_a_killed_run_left_is_taken_away_and_what_a_living_one_writes_is_not(tmp_path):
+    killed = "import os, signal, sys; from pathlib import Path; from hilbertvae.exports.map_folder import writing_beside\n"
+    killed += "with writing_beside(Path(sys.argv[1])) as folder: (folder / 'map.npz').touch(); os.kill(os.getpid(), signal.SIGKILL)"
+    subprocess.run([sys.executable, "-c", killed, str(tmp_path)], check=False)
+    (left,) = tmp_path.iterdir()
+    assert (left / "map.npz").exists()
+    with writing_beside(tmp_path) as living:
+        with writing_beside(tmp_path) as other:
+            assert {*tmp_path.iterdir()} == {living, other}
+        assert {*tmp_path.iterdir()} == {living}
+    assert not list(tmp_path.iterdir())

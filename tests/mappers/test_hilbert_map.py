@@ -82,15 +82,15 @@ def test_without_evidence_only_grids_answer(room):
     assert mapper.observed(queries).all()
 
 
-def test_whether_evidence_joins_is_settled_by_the_fit(room, tmp_path):
+def test_whether_evidence_joins_and_gaps_are_filled_is_settled_by_the_fit(room, tmp_path):
     cloud = gapped(room)
     mapper = fit(HilbertMap(reconstructor()), cloud)
-    queries = cloud.points[::50]
+    queries = np.concatenate([cloud.points[::50], [mapper.frames_.boxes()[1].max(axis=0) + 0.3]])  # the last is in no box
     before = mapper.predict_proba(queries)
-    mapper.set_params(evidence=False)
+    mapper.set_params(evidence=False, fill=False)
     np.testing.assert_array_equal(mapper.predict_proba(queries), before)
     np.testing.assert_array_equal(load_map(save_map(mapper, tmp_path / "map")).predict_proba(queries), before)
-    assert np.abs(fit(mapper, cloud).predict_proba(queries) - before).max() > 0.01
+    assert np.abs(fit(mapper.set_params(fill=True), cloud).predict_proba(queries) - before).max() > 0.01
 
 
 def test_where_nothing_is_known_the_answer_is_exactly_one_half(fitted):

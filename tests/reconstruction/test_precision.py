@@ -3,7 +3,10 @@ import pytest
 import torch
 
 from hilbertvae.reconstruction import precision
-from hilbertvae.reconstruction.precision import fast_autocast, fast_type, layer_type
+from hilbertvae.reconstruction.blocks import convolutions
+from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
+from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
+from hilbertvae.reconstruction.precision import fast_autocast, fast_type, layer_type, training_type
 from toy_rooms import tiny_reconstructor
 
 
@@ -28,6 +31,26 @@ def test_processors_that_multiply_in_bfloat16_do_so(monkeypatch, features, wante
 def test_a_torch_that_does_not_say(monkeypatch):
     monkeypatch.delattr(torch.cpu, "get_capabilities", raising=False)
     assert fast_type() is torch.float32
+
+
+@pytest.mark.parametrize(
+    ("network", "cells", "right"),
+    [
+        (GatedNetworkSettings(stem=4, channels=[8, 8]), 32, True),  # 8, 4
+        (GatedNetworkSettings(stem=4, channels=[8, 8]), 16, False),  # 4, 2
+        (GatedNetworkSettings(stem=4, channels=[8, 8, 8]), 16, False),  # 4, 2, 1
+        (PaperNetworkSettings(), 64, True),  # kernels 9, 7, 5, 5 on 64, 32, 16, 8
+        (PaperNetworkSettings(), 32, False),
+    ],
+)
+def test_kernels_wider_than_their_level_are_trained_in_single_precision(monkeypatch, network, cells, right):
+    """Else torch's gradients of 3D convolutions are wrong, on CPUs alone."""
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx512_bf16": True}, raising=False)
+    monkeypatch.setattr(torch.cuda, "is_bf16_supported", lambda including_emulation: True)
+    assert training_type("cpu", 3, convolutions(network, cells)) is (torch.bfloat16 if right else torch.float32)
+    assert training_type("cpu", 2, convolutions(network, cells)) is torch.bfloat16
+    assert training_type("cuda", 3, convolutions(network, cells)) is torch.bfloat16
+    assert convolutions(object(), cells) == []
 
 
 def test_layers_take_the_numbers_of_the_autocast_that_runs():

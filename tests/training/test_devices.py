@@ -31,6 +31,14 @@ def test_maps_are_filled_where_networks_train(tmp_path, monkeypatch, accelerator
     assert filling_device(replace(settings, device="cpu")) == "cpu"
 
 
+@pytest.mark.parametrize("accelerator", ["auto", "gpu", "mps"])
+def test_maps_are_filled_by_the_cpu_of_an_apple_gpu(tmp_path, monkeypatch, accelerator):
+    monkeypatch.setattr(torch.backends.mps, "is_available", lambda: True)
+    settings = tiny_settings(tmp_path, tmp_path)
+    settings = replace(settings, trainer=replace(settings.trainer, accelerator=accelerator))
+    assert training_device(settings) == "mps" and filling_device(settings) == "cpu"
+
+
 @pytest.mark.parametrize("wrong", [{"accelerator": "gpu"}, {"accelerator": "cuda"}, {"strategy": "dpp"}])
 def test_where_nothing_can_train(tmp_path, monkeypatch, wrong):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
@@ -72,6 +80,11 @@ def test_a_device_that_is_not_there_is_named_before_anything_trains(tmp_path):
     with pytest.raises(InputError, match="device: expected cpu, or cuda where there is one, got 'tpu'"):
         train(tiny_settings(tmp_path / "run", tmp_path, device="tpu"))
     assert not (tmp_path / "run").exists()
+
+
+def test_maps_of_raw_grids_keep_voxels_of_their_own(tmp_path):
+    given = give_networks(tiny_settings(tmp_path, tmp_path), {"own": HilbertMap(resolution_m=0.2), "run": HilbertMap()}, None)
+    assert (given["own"].resolution_m, given["run"].resolution_m) == (0.2, 0.1)
 
 
 def test_two_rows_of_one_name_are_refused(tmp_path):

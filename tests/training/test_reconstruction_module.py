@@ -1,6 +1,7 @@
 import math
 from dataclasses import asdict, replace
 
+import lightning as L
 import pytest
 import torch
 from torch.nn import functional as F
@@ -165,7 +166,45 @@ def test_a_step_whose_gradient_is_not_finite_is_skipped_and_counted(logged):
         optimizer.step()
         same = all(torch.equal(p, old) for p, old in zip(module.network.parameters(), before, strict=True))
         assert same == broken
-        assert ("train/skipped_step" in logged) == broken and ("train/gradient_norm" in logged) != broken
+        assert logged["train/skipped_steps"] == broken and ("train/gradient_norm" in logged) != broken
+
+
+class Broken(ReconstructionModule):
+    """Whose gradients of some steps are not finite."""
+
+    def on_before_optimizer_step(self, optimizer):
+        if self.global_step in self.at:
+            self.network.head[-1].weight.grad.fill_(math.nan)
+        super().on_before_optimizer_step(optimizer)
+
+
+def trained_with(at):
+    module = Broken(tiny_settings("run", "cache"))
+    module.at = at
+    trainer = L.Trainer(max_epochs=1, logger=False, accelerator="cpu", log_every_n_steps=1, enable_progress_bar=False,
+                        enable_checkpointing=False, enable_model_summary=False)  # fmt: skip
+    trainer.fit(module, torch.utils.data.DataLoader([tuple(part[0] for part in pairs())] * 5, batch_size=1))
+    return trainer.callback_metrics
+
+
+def test_skipped_steps_are_counted_over_an_epoch():
+    assert trained_with({1, 3})["train/skipped_steps"] == 2
+
+
+def test_an_epoch_that_learned_nothing_is_an_error():
+    with pytest.raises(FloatingPointError, match="no gradient of the epoch that ended at step 5 is finite"):
+        trained_with(range(5))
+
+
+def test_the_validation_loss_is_that_of_hidden_cells_and_needs_nothing_that_gpus_refuse(logged, monkeypatch):
+    """torch refuses `binary_cross_entropy` wherever a GPU computes in bfloat16."""
+    module, (shown, target) = module_of().eval(), pairs()
+    probability = torch.sigmoid(module.network(shown).output.detach()).double()
+    hidden = (shown == 0) & (target != 0)
+    expected = F.binary_cross_entropy(probability[hidden].clamp(1e-4, 1 - 1e-4), (target[hidden] > 0).double()).item()
+    monkeypatch.setattr(F, "binary_cross_entropy", None)
+    module.validation_step((shown, target), 0)
+    assert logged["val/gap_nll"] == pytest.approx(expected, rel=1e-5)
 
 
 def test_the_learning_rate_rises_and_falls_as_a_cosine():

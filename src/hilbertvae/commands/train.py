@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import sys
+from collections.abc import Iterator
 from dataclasses import asdict, fields, is_dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,6 +14,7 @@ from pathlib import Path
 import hydra
 from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.types import RunMode
 from omegaconf import MISSING, DictConfig, OmegaConf
 
@@ -82,8 +84,7 @@ def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
     """An `InputError` for a setting, typed beside a `checkpoint`, of what that network brings with it: nothing would come of it."""
     if settings.checkpoint is None:
         return
-    for word in overrides:
-        key = word.lstrip("+~").partition("=")[0]
+    for key in _typed_keys(overrides):
         if key.partition(".")[0] in OF_A_NETWORK:
             at_hand = "; `mapper.<name>.inner_radius_m` is a map's own" if key in ("start", "grid") or key.startswith("grid.") else ""
             raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its own{at_hand}")
@@ -92,6 +93,20 @@ def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
         if key in OF_ITS_WEIGHTS and not any(map(_learns_weights, settings.mapper.values())):
             anew = "they are learned anew for maps with `neighbours`, `inner_radius_m` or `resolution_m` of their own"
             raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its map's weights; {anew}")
+
+
+def _typed_keys(overrides: list[str]) -> Iterator[str]:
+    """The settings that these words change, also those within `{...}`."""
+
+    def inner(key: str, value: object) -> Iterator[str]:
+        if isinstance(value, dict) and value:
+            for name, part in value.items():
+                yield from inner(f"{key}.{name}", part)
+        else:
+            yield key
+
+    for word in OverridesParser.create().parse_overrides(overrides):
+        yield from inner(word.key_or_group, None if word.is_sweep_override() else word.value())
 
 
 def _learns_weights(mapper: dict | None) -> bool:

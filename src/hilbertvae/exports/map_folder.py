@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from filelock import FileLock, Timeout
 
 from hilbertvae.checks import InputError
 from hilbertvae.exports.formats import EXPORTS
@@ -17,6 +20,8 @@ from hilbertvae.signals import not_stopped
 MAP, PICTURE, PAGE, SUMMARY = "map.safetensors", "map.png", "summary.html", "summary.json"
 OURS = {MAP, ADAPTED, PICTURE, PAGE, *(name for kind in EXPORTS.values() for name in kind.files)}
 """What may be in such a folder, but for the summary."""
+WRITING, HELD = ".writing-", ".held"
+"""How temporary folders begin, and the lock in each that ends with its process."""
 
 
 def scans_hash(scans: Path) -> str:
@@ -80,11 +85,13 @@ def replace_map(folder: Path, output: Path, files: list[str]) -> None:
 
 @contextmanager
 def writing_beside(output: Path) -> Iterator[Path]:
-    """A temporary folder in `output`; that and its parents are made if need be, and then taken away again after a failure."""
+    """A temporary folder in `output`; that and its parents are made if need be, and then taken away again after a failure. Those of runs
+    that were ended by force are taken away, too."""
     made = [folder for folder in (output, *output.parents) if not folder.exists()]
     output.mkdir(parents=True, exist_ok=True)
+    _clear_left(output)
     try:
-        with tempfile.TemporaryDirectory(prefix=".writing-", dir=output) as folder:
+        with tempfile.TemporaryDirectory(prefix=WRITING, dir=output) as folder, FileLock(Path(folder) / HELD):
             yield Path(folder)
     except BaseException as error:
         with suppress(OSError):
@@ -93,3 +100,11 @@ def writing_beside(output: Path) -> Iterator[Path]:
         if isinstance(error, OSError) and error.errno and error.filename is None:  # a full disk says nothing but that
             raise OSError(error.errno, error.strerror, str(output)) from error
         raise
+
+
+def _clear_left(output: Path) -> None:
+    for left in output.glob(f"{WRITING}*"):
+        with suppress(Timeout, OSError):
+            with FileLock(left / HELD, timeout=0):
+                pass
+            shutil.rmtree(left)

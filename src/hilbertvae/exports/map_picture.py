@@ -18,6 +18,8 @@ from hilbertvae.exports.map_cells import MapCells
 MOST_PX = 2400
 """Cells along a side of a drawn 2D map; the likeliest to be occupied of those that become one, so that thin walls stay."""
 
+LEAST_IN = 1.6
+"""Inches along a side of a sheet: in a narrower one no title fits."""
 LEAST_VOXELS = 8
 """A 3D view is at least so wide."""
 
@@ -40,6 +42,7 @@ def _flat(cells: MapCells, title: str) -> Figure:
     wide = shape[0] >= 2 * shape[1]
     side = 7.0
     width, height = (2 * side, side * shape[1] / shape[0]) if wide else (side * min(shape[0] / shape[1], 2), side)
+    width, height = max(width, LEAST_IN), max(height, LEAST_IN)
     figure = new_figure(width + 1.2, 2 * height + 0.6) if wide else new_figure(2 * width + 1.2, height + 0.4)
     panels = figure.subplots(2, 1) if wide else figure.subplots(1, 2)
     for axes, sheet, said in zip(panels, sheets, (f"{title}, as observed", "filled in"), strict=True):

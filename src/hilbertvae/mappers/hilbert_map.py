@@ -128,7 +128,7 @@ class HilbertMap(GrowingMapper):
             self.grid_ = replace(self.grid_, inner_radius_m=self.inner_radius_m)
         self.grid_.check()
         self.evidence_ = Evidence(cloud.points, cloud.occupied, cloud.weight, resolution_m)
-        self.evidence_joins_ = bool(self.evidence)
+        self.evidence_joins_, self.fills_ = bool(self.evidence), bool(self.fill)
         self.rank_weights_ = self._rank_weights()
         self.small_seeds_ = self._growing = self.adapted_ = None
 
@@ -156,7 +156,7 @@ class HilbertMap(GrowingMapper):
         """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, the evidence
         (S, F) of those whose was, and how far away (Q,) returns are from those that no box holds (`Evidence.away`)."""
         phi = self._features(queries, *self._look_up(queries, self.grids_), self.evidence_.find(queries))
-        away, beyond = np.full(len(queries), np.inf), (phi[1] == 0) & ~phi[2] & (self.evidence_joins_ and self.fill)
+        away, beyond = np.full(len(queries), np.inf), (phi[1] == 0) & ~phi[2] & (self.evidence_joins_ and self.fills_)
         away[beyond] = self.evidence_.away(queries[beyond])
         return *phi, away
 

@@ -57,6 +57,7 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
         "mapper": {
             **{name: getattr(mapper, name) for name in SETTINGS},
             "evidence": mapper.evidence_joins_,
+            "fill": mapper.fills_,
             "grid": None if mapper.grid is None else asdict(mapper.grid),
         },
         "dimension": mapper.n_features_in_,
@@ -126,7 +127,7 @@ def _restored(described: dict, arrays: dict[str, np.ndarray], network: RecordedN
     dimension = described["dimension"]
     if dimension not in (2, 3) or not isinstance(dimension, int):
         raise InputError(f"dimension: expected 2 or 3, got {str(dimension)[:40]}")
-    mapper.evidence_joins_ = mapper.evidence
+    mapper.evidence_joins_, mapper.fills_ = mapper.evidence, mapper.fill
     mapper.grid_, mapper.flips_ = GridSettings.from_plain(described["grid"]), described["flips"]
     mapper.check_settings()
     evidence = {name.removeprefix(EVIDENCE): array for name, array in arrays.items() if name.startswith(EVIDENCE)}

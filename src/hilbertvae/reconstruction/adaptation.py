@@ -19,7 +19,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.progress import track
 from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment
-from hilbertvae.reconstruction.blocks import Reconstruction, bottom_cells
+from hilbertvae.reconstruction.blocks import Reconstruction, convolutions
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
 from hilbertvae.reconstruction.precision import fast_autocast, training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -54,7 +54,7 @@ def adapted(
     optimizer = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, betas=(0.9, 0.95), weight_decay=0.0)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: _rate(step, steps))
     augmentation, dimension = _augmentation(reconstructor), reconstructor.dimension
-    numbers = training_type(device, dimension, bottom_cells(reconstructor.network_settings, reconstructor.grid.cells))
+    numbers = training_type(device, dimension, convolutions(reconstructor.network_settings, reconstructor.grid.cells))
     rng, grids = np.random.default_rng(seed), [torch.from_numpy(part) for part in (shown, target)]
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)

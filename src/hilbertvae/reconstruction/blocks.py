@@ -88,9 +88,9 @@ def is_detailed(network: object) -> bool:
     return getattr(network, "encoding", None) == "detailed"
 
 
-def bottom_cells(network: object, cells: int) -> int:
-    """Cells along an axis of the last level of a network of these settings, for grids of `cells`; 0 if it has no such level."""
-    return getattr(network, "bottom_cells", lambda cells: 0)(cells)
+def convolutions(network: object, cells: int) -> list[tuple[int, int]]:
+    """Kernel and cells, along an axis, of what a network of these settings convolves in grids of `cells`; none if it does not say."""
+    return getattr(network, "convolutions", lambda cells: [])(cells)
 
 
 def group_norm(channels: int) -> nn.GroupNorm:
@@ -104,6 +104,10 @@ def channels_a_group(channels: int) -> int:
     return channels // groups if channels % groups == 0 else channels
 
 
+KERNEL = 3
+"""Cells along an axis of a residual block's convolutions."""
+
+
 class ResidualBlock(nn.Module):
     """x + conv(act(norm(conv(act(norm(x)))))), 3-cell kernels (He et al. 2016, pre-activation)."""
 
@@ -113,11 +117,11 @@ class ResidualBlock(nn.Module):
         self.body = nn.Sequential(
             group_norm(channels),
             nn.SiLU(),
-            convolution(channels, channels, 3, padding=1),
+            convolution(channels, channels, KERNEL, padding=KERNEL // 2),
             group_norm(channels),
             nn.SiLU(),
             nn.Dropout(dropout),
-            convolution(channels, channels, 3, padding=1),
+            convolution(channels, channels, KERNEL, padding=KERNEL // 2),
         )
         nn.init.zeros_(self.body[-1].weight)
         nn.init.zeros_(self.body[-1].bias)

@@ -13,6 +13,7 @@ from hilbertvae.checks import InputError, check_count, check_whole
 from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.blocks import (
     CONVOLUTION,
+    KERNEL,
     MEAN_POOL,
     Reconstruction,
     ResidualBlock,
@@ -48,9 +49,9 @@ class GatedNetworkSettings:
     """What the network is shown: `hit_free`, the labels of cells; `detailed`, also how many returns and free samples each cell has, and
     where in it its returns lie; `signed`, the paper's."""
 
-    def bottom_cells(self, cells: int) -> int:
-        """Cells of the last level along an axis, for grids of `cells`."""
-        return cells // self.stem // 2 ** (len(self.channels) - 1)
+    def convolutions(self, cells: int) -> list[tuple[int, int]]:
+        """Kernel and cells, along an axis, of what is convolved on each level, for grids of `cells`."""
+        return [(KERNEL, cells // self.stem // 2**level) for level in range(len(self.channels))]
 
 
 class GatedNetwork(nn.Module):
@@ -91,8 +92,10 @@ class GatedNetwork(nn.Module):
         self.grow = nn.ModuleList(convolution(channels[i + 1], channels[i] * 2**dimension, 1) for i in range(levels - 1))
         self.join = nn.ModuleList(convolution(2 * channels[i], channels[i], 1) for i in range(levels - 1)) if settings.skips else None
         self.up = nn.ModuleList(self._level(i) for i in range(levels - 1))
-        self.head = nn.Sequential(group_norm(channels[0]), nn.SiLU(), convolution(channels[0], settings.stem**dimension, 3, padding=1))
-        self.known_head = convolution(channels[0], settings.stem**dimension, 3, padding=1) if settings.known else None
+        self.head = nn.Sequential(
+            group_norm(channels[0]), nn.SiLU(), convolution(channels[0], settings.stem**dimension, KERNEL, padding=KERNEL // 2)
+        )
+        self.known_head = convolution(channels[0], settings.stem**dimension, KERNEL, padding=KERNEL // 2) if settings.known else None
 
     def _add_latent(self, inputs: int) -> None:
         settings = self.settings

@@ -36,6 +36,10 @@ class PaperNetworkSettings:
     """Decoder convolutions are the encoder's, transposed (`W~ = W^T`, Eq. 2); needs `encoding: signed`."""
     encoding: str = "signed"
 
+    def convolutions(self, cells: int) -> list[tuple[int, int]]:
+        """Kernel and cells, along an axis, of what is convolved on each level, for grids of `cells`."""
+        return [(kernel, cells // 2**level) for level, kernel in enumerate(self.kernels)]
+
 
 class PaperNetwork(nn.Module):
     """Convolutions of stride 1, ReLU and max-pool 2; two linear heads; resize and convolution back. z = mu outside training."""

@@ -3,6 +3,8 @@ as long as float32 (docs/decisions.md)."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import torch
 
 from hilbertvae.checks import InputError
@@ -36,10 +38,11 @@ def fast_type(device: str = "cpu") -> torch.dtype:
     return torch.bfloat16 if has else torch.float32
 
 
-def training_type(device: str, dimension: int, bottom_cells: int) -> torch.dtype:
-    """`fast_type`, but float32 where a network whose last level has `bottom_cells` along an axis would learn from wrong gradients: on CPUs
-    torch 2.13 gets those of 3D convolutions on 2 x 2 x 2 cells wrong in bfloat16, while the loss stays finite."""
-    wrong = dimension == 3 and bottom_cells == 2 and torch.device(device).type == "cpu"
+def training_type(device: str, dimension: int, convolutions: Iterable[tuple[int, int]]) -> torch.dtype:
+    """`fast_type`, but float32 where a network with these `convolutions` (kernel and cells along an axis) would learn from wrong gradients:
+    on CPUs with AVX512_BF16 and no AMX torch 2.13 gets those of 3D convolutions wrong in bfloat16, some of them infinite, where a kernel is
+    wider than its level, while the loss stays right."""
+    wrong = dimension == 3 and torch.device(device).type == "cpu" and any(cells < kernel for kernel, cells in convolutions)
     return torch.float32 if wrong else fast_type(device)
 
 

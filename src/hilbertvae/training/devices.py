@@ -11,6 +11,8 @@ from hilbertvae.training.settings import Settings
 def training_device(settings: Settings) -> str:
     """Where Lightning trains: torch's word for what `trainer.accelerator` finds here."""
     accelerator = settings.trainer.accelerator
+    if accelerator in ("auto", "gpu", "mps") and torch.backends.mps.is_available():
+        return "mps"
     on_gpu = accelerator in ("gpu", "cuda") or (accelerator == "auto" and torch.cuda.is_available())
     return "cuda" if on_gpu else "cpu"
 
@@ -25,5 +27,7 @@ def check_accelerator(settings: Settings) -> None:
 
 
 def filling_device(settings: Settings) -> str:
-    """Where networks fill maps, for their weights and their scores: `device`, or where the run would train."""
-    return training_device(settings) if settings.device == "auto" else settings.device
+    """Where networks fill maps, for their weights and their scores: `device`, or where the run would train; the CPU of an Apple GPU."""
+    if settings.device != "auto":
+        return settings.device
+    return "cuda" if training_device(settings) == "cuda" else "cpu"

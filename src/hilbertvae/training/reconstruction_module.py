@@ -8,7 +8,6 @@ from dataclasses import asdict
 import lightning as L
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import labels_of
@@ -34,6 +33,7 @@ class ReconstructionModule(L.LightningModule):
         self.network = build_network(settings.network, settings.dimension, settings.grid.cells)
         self.likelihood = LIKELIHOODS[settings.likelihood.kind](settings.likelihood)
         self.total_steps = settings.trainer.epochs * settings.trainer.steps_per_epoch
+        self._taken = 0
 
     def start_from(self, checkpoint: str) -> None:
         """Take the weights of a trained network. An `InputError` names the file if its network is another.
@@ -101,17 +101,33 @@ class ReconstructionModule(L.LightningModule):
         probability = self.likelihood.probability(self.likelihood.kernel_value(found.output))
         if not removed.any():
             return
-        gap = F.binary_cross_entropy(probability[removed].clamp(1e-4, 1 - 1e-4), (target[removed] > 0).float())
+        probability = (
+            probability[removed].float().clamp(1e-4, 1 - 1e-4)
+        )  # torch refuses its own cross-entropy of these on a GPU in bfloat16
+        gap = -torch.where(target[removed] > 0, probability, 1 - probability).log().mean()
         self.log("val/gap_nll", gap, prog_bar=True, batch_size=int(removed.sum()))
 
     def on_before_optimizer_step(self, optimizer: torch.optim.Optimizer) -> None:
         """A step whose gradient is not finite is skipped and counted, not taken."""
         norm = torch.nn.utils.get_total_norm([p.grad for p in self.parameters() if p.grad is not None])
-        if not torch.isfinite(norm):
+        finite = bool(torch.isfinite(norm))
+        self.log("train/skipped_steps", float(not finite), on_step=False, on_epoch=True, reduce_fx="sum")
+        self._taken += finite
+        if not finite:
             optimizer.zero_grad(set_to_none=True)
-            self.log("train/skipped_step", 1.0, reduce_fx="sum")
             return
         self.log("train/gradient_norm", norm)
+
+    def on_train_epoch_start(self) -> None:
+        self._taken = 0
+
+    def on_train_epoch_end(self) -> None:
+        """An epoch that learned nothing is an error: its weights would pass for trained ones. In 16 bits a run first finds its scale."""
+        if not self._taken and self.trainer.precision != "16-mixed":
+            raise FloatingPointError(
+                f"no gradient of the epoch that ended at step {self.global_step} is finite: lower trainer.learning_rate, or use "
+                "precision 32-true"
+            )
 
     def configure_optimizers(self):
         trainer = self.settings.trainer

@@ -146,7 +146,7 @@ def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor:
                 mapper.set_params(reconstructor=Reconstructor.load(mapper.reconstructor))
             elif mapper.reconstructor is None and mapper.grid is None:
                 of = reconstructor or settings
-                mapper.set_params(grid=of.grid, resolution_m=of.resolution_m)
+                mapper.set_params(grid=of.grid, resolution_m=of.resolution_m if mapper.resolution_m is None else mapper.resolution_m)
             if mapper.device == "auto":
                 mapper.set_params(device=filling_device(settings))
             if mapper.reconstructor:

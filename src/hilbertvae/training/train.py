@@ -19,7 +19,7 @@ import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.files import hash_of, json_object, write_json
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.reconstruction.blocks import bottom_cells
+from hilbertvae.reconstruction.blocks import convolutions
 from hilbertvae.reconstruction.precision import training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.run_state import TRAINING, clear
@@ -134,8 +134,8 @@ def _precision(settings: Settings) -> str:
     """Lightning's word for `trainer.precision`."""
     if settings.trainer.precision != "auto":
         return settings.trainer.precision
-    last_level = bottom_cells(settings.network, settings.grid.cells)
-    numbers = training_type(training_device(settings), settings.dimension, last_level)
+    convolved = convolutions(settings.network, settings.grid.cells)
+    numbers = training_type(training_device(settings), settings.dimension, convolved)
     return "bf16-mixed" if numbers is torch.bfloat16 else "32-true"
 
 
