@@ -9,7 +9,7 @@ from omegaconf import open_dict
 from hilbertvae.checks import InputError
 from hilbertvae.commands import gpus
 from hilbertvae.commands import train as command
-from hilbertvae.commands.gpus import give_gpus
+from hilbertvae.commands.gpus import SEEN, give_gpus, remember_gpus, see_remembered_gpus
 
 
 @pytest.fixture
@@ -86,6 +86,31 @@ def test_where_it_is_too_late_it_is_said(machine):
     assert given(machine, 4) is None  # there is nothing to deal out
 
 
+@pytest.mark.parametrize("seen", [None, "2,3"])
+def test_jobs_of_submitit_on_this_machine_see_what_the_multirun_sees(tmp_path, monkeypatch, seen):
+    """submitit itself shows them no GPU, which would make them train on the CPU without a word."""
+    submitit = pytest.importorskip("submitit")
+    monkeypatch.setenv(SEEN, "")
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", seen or "")
+    if seen is None:
+        monkeypatch.delenv("CUDA_VISIBLE_DEVICES")
+    remember_gpus()
+
+    def visible():  # in here, so that it is sent to a process that does not find this file
+        shown = os.environ.get("CUDA_VISIBLE_DEVICES")
+        see_remembered_gpus()
+        return shown, os.environ.get("CUDA_VISIBLE_DEVICES")
+
+    jobs = submitit.AutoExecutor(folder=tmp_path, cluster="local")
+    assert jobs.submit(visible).result() == ("", seen)
+
+
+def test_several_gpus_by_slurm_are_refused(tmp_path, monkeypatch):
+    pytest.importorskip("submitit")
+    with pytest.raises(InputError, match="trainer.devices: expected 1 with launcher=submitit"):
+        application("submitit", tmp_path, monkeypatch, "device=cpu", "trainer.devices=2")
+
+
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
 def test_a_job_is_given_its_gpus_before_it_looks_at_one(launcher, tmp_path, monkeypatch):
     pytest.importorskip({"joblib": "hydra_plugins.hydra_joblib_launcher", "submitit_local": "submitit"}[launcher])
@@ -97,15 +122,20 @@ def test_a_job_is_given_its_gpus_before_it_looks_at_one(launcher, tmp_path, monk
 
     monkeypatch.setattr(command, "give_gpus", asked.append)
     monkeypatch.setattr("hilbertvae.training.settings.check_device", looks)
+    with pytest.raises(InputError, match="enough"):
+        application(launcher, tmp_path, monkeypatch, "device=cuda", "trainer.devices=2")
+    assert asked == [2, "cuda"]
+
+
+def application(launcher, tmp_path, monkeypatch, *words):
+    """A job of a multirun by this launcher."""
     monkeypatch.setenv(command.JOB, "")
     monkeypatch.setattr(HydraConfig.instance(), "cfg", None)
     with initialize_config_dir(str(command.CONF), version_base="1.3"):
-        words = [f"launcher={launcher}", "device=cuda", "trainer.devices=2"]
+        words = [f"launcher={launcher}", *words]
         whole = compose("config", overrides=[*words, "hydra.mode=MULTIRUN"], return_hydra_config=True)
         with open_dict(whole):
             whole.hydra.runtime.output_dir = str(tmp_path)
         HydraConfig.instance().set_config(whole)
         config = compose("config", overrides=words)
-    with pytest.raises(InputError, match="enough"):
-        command._application.__wrapped__(config)
-    assert asked == [2, "cuda"]
+    command._application.__wrapped__(config)

@@ -1,6 +1,8 @@
+import copy
 import json
 import os
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -93,6 +95,17 @@ def test_the_same_grids_give_the_same_bits_and_training_mode_is_off():
 
 def test_no_grids():
     assert tiny_reconstructor().reconstruct(np.empty((0, 16, 16), np.int8)).shape == (0, 16, 16)
+
+
+def test_it_is_pickled_as_the_cpu_can_read_it(monkeypatch):
+    """What computed on a GPU last lies there; `meta` stands for it, which can't be copied back, so the copy is looked at."""
+    ours, grids = tiny_reconstructor(), np.random.default_rng(0).integers(-1, 2, (2, 16, 16)).astype(np.int8)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(ours)).reconstruct(grids), ours.reconstruct(grids))
+    assert ours.__getstate__()["network"] is ours.network
+    elsewhere, copied = replace(ours, network=copy.deepcopy(ours.network).to("meta")), []
+    monkeypatch.setattr(torch.nn.Module, "cpu", lambda network: copied.append(network) or "on the CPU")
+    assert elsewhere.__getstate__()["network"] == "on the CPU"
+    assert copied[0] is not elsewhere.network and type(copied[0]) is type(ours.network)
 
 
 def test_what_it_is_fits_in_a_line():

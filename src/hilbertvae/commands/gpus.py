@@ -10,8 +10,24 @@ from pathlib import Path
 import torch
 from filelock import FileLock, Timeout
 
+SEEN, ALL = "HILBERTVAE_GPUS_SEEN", "all"
+"""Where a multirun tells its jobs which GPUs it sees itself."""
 _held: list[FileLock] = []
 """Locks on the GPUs of this process, which end with it."""
+
+
+def remember_gpus() -> None:
+    """Keep which GPUs this process sees, for jobs that it launches."""
+    os.environ[SEEN] = os.environ.get("CUDA_VISIBLE_DEVICES", ALL)
+
+
+def see_remembered_gpus() -> None:
+    """See the GPUs of the process that launched this one: submitit shows each of its local jobs none, or the first ones."""
+    seen = os.environ.get(SEEN)
+    if seen == ALL:
+        os.environ.pop("CUDA_VISIBLE_DEVICES", None)
+    elif seen is not None:
+        os.environ["CUDA_VISIBLE_DEVICES"] = seen
 
 
 def give_gpus(wanted: int) -> None:

@@ -21,7 +21,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.commands.clustering_study import run_clustering, write_clustering_failure
-from hilbertvae.commands.gpus import give_gpus
+from hilbertvae.commands.gpus import give_gpus, remember_gpus, see_remembered_gpus
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.networks import NETWORKS
 from hilbertvae.reconstruction.shipped import checkpoint_path
@@ -199,11 +199,18 @@ def _application(config: DictConfig) -> None:
     if many:
         os.environ[JOB] = json.dumps([*job.overrides.task, f'hydra.run.dir="{output}"'])
     try:
-        if many and ("joblib" in job.launcher._target_ or "LocalLauncher" in job.launcher._target_):
+        launcher = job.launcher._target_ if many else ""
+        if "LocalLauncher" in launcher:
+            see_remembered_gpus()
+        if "joblib" in launcher or "LocalLauncher" in launcher:
             give_gpus(config.trainer.devices)  # first of all, since to check `device` is to use a GPU
         settings = to_settings(config)
         refuse_ignored(settings, list(job.overrides.task))
         settings.output = output
+        if "SlurmLauncher" in launcher and settings.trainer.devices > 1:  # of which Lightning wants SLURM to start one process each
+            raise InputError(
+                f"trainer.devices: expected 1 with launcher=submitit, whose jobs are one process, got {settings.trainer.devices}"
+            )
         if many and settings.trainer.devices > 1:
             # By this name Lightning starts the other processes; in a launcher's worker `__main__` is the launcher.
             sys.modules["__main__"].__spec__ = find_spec("hilbertvae.train")
@@ -232,6 +239,7 @@ def main() -> None:
     if JOB in os.environ and int(os.environ.get("LOCAL_RANK", 0)):
         words = json.loads(os.environ[JOB]) + [word for word in words if word.startswith(("hydra.job.name=", "hydra.output_subdir="))]
     sys.argv[1:] = words
+    remember_gpus()
     with stopped_by_signals():  # else a launcher's workers, or a scoring's, would go on without it
         _application()
 

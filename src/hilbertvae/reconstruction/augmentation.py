@@ -45,7 +45,7 @@ def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings, dimen
     if settings.symmetric:
         moves = symmetries(dimension)
         moves = [moves[k] for k in torch.randperm(len(moves))]  # a batch of fewer grids than moves shall not know the first ones alone
-        order = torch.randperm(len(shown))
+        order = torch.randperm(len(shown)).to(shown.device)  # drawn alike everywhere, and copied to a GPU once
         portions = [order[k :: len(moves)] for k in range(len(moves))]
         moved = [(move_shown(shown[p], move), move_target(target[p], move)) for p, move in zip(portions, moves, strict=True)]
         shown, target = (torch.cat(parts) for parts in zip(*moved, strict=True))
@@ -74,7 +74,8 @@ def random_balls(target: Tensor, diameter_cells: list[float]) -> Tensor:
     batch, cells, dimension, device = len(target), target.shape[1], target.ndim - 1, target.device
     low, high = diameter_cells
     chance = torch.rand(batch, cells**dimension, device=device) * (target.flatten(1) > 0)
-    centre = torch.stack(torch.unravel_index(chance.argmax(dim=1), target.shape[1:]), dim=1).float()
+    found = chance.argmax(dim=1)  # unravel_index would copy from the CPU to a GPU
+    centre = torch.stack([found // cells ** (dimension - 1 - d) % cells for d in range(dimension)], dim=1).float()
     radius = (low + (high - low) * torch.rand(batch, device=device)) / 2
     offset = torch.randn(batch, dimension, device=device)
     offset *= (radius * torch.rand(batch, device=device) ** (1 / dimension) / offset.norm(dim=1)).unsqueeze(1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import json
 import os
@@ -60,6 +61,11 @@ class Reconstructor:
     def __repr__(self) -> str:
         """In a line, since every mapper's own `repr` has it."""
         return f"Reconstructor({self.network_settings.kind}, {self.dimension}D, {self.grid.cells} cells of {self.grid.cell_m:g} m)"
+
+    def __getstate__(self) -> dict:
+        """With a network that lies on the CPU, whatever computed last, so that a pickled map can be read where there is no GPU."""
+        on_cpu = all(part.device.type == "cpu" for part in self.network.parameters())
+        return {**self.__dict__, **({} if on_cpu else {"network": copy.deepcopy(self.network).cpu()})}
 
     @property
     def detailed(self) -> bool:

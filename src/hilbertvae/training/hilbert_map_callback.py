@@ -45,6 +45,8 @@ class HilbertMapCallback(L.Callback):
             return
         settings = self.settings
         reconstructor = best_reconstructor(settings, module.network, trainer.checkpoint_callback.best_model_path)
+        if torch.cuda.is_available():
+            torch.cuda.empty_cache()  # else what the training held is kept from the processes that fill maps
         sites = [opened_site(reference, settings) for reference in settings.calibration_sites()]
         mapper = HilbertMap(reconstructor, flips=settings.flips, device=filling_device(settings))
         learned = learn_rank_weights(mapper, sites, **settings.calibration())
