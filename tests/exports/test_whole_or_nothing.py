@@ -113,9 +113,9 @@ def test_what_a_killed_run_left_is_taken_away_and_what_a_living_one_writes_is_no
     killed += "with writing_beside(Path(sys.argv[1])) as folder: (folder / 'map.npz').touch(); os.kill(os.getpid(), signal.SIGKILL)"
     subprocess.run([sys.executable, "-c", killed, str(tmp_path)], check=False)
     (left,) = tmp_path.iterdir()
-    assert (left / "map.npz").exists()
+    assert (left / "files/map.npz").exists()
     with writing_beside(tmp_path) as living:
         with writing_beside(tmp_path) as other:
-            assert {*tmp_path.iterdir()} == {living, other}
-        assert {*tmp_path.iterdir()} == {living}
+            assert {*tmp_path.iterdir()} == {living.parent, other.parent} and not list(other.iterdir())
+        assert {*tmp_path.iterdir()} == {living.parent}
     assert not list(tmp_path.iterdir())

@@ -21,7 +21,7 @@ MAP, PICTURE, PAGE, SUMMARY = "map.safetensors", "map.png", "summary.html", "sum
 OURS = {MAP, ADAPTED, PICTURE, PAGE, *(name for kind in EXPORTS.values() for name in kind.files)}
 """What may be in such a folder, but for the summary."""
 WRITING, HELD = ".writing-", ".held"
-"""How temporary folders begin, and the lock in each that ends with its process."""
+"""How temporary folders begin, and the lock beside the files in each, which ends with its process."""
 
 
 def scans_hash(scans: Path) -> str:
@@ -92,7 +92,9 @@ def writing_beside(output: Path) -> Iterator[Path]:
     _clear_left(output)
     try:
         with tempfile.TemporaryDirectory(prefix=WRITING, dir=output) as folder, FileLock(Path(folder) / HELD):
-            yield Path(folder)
+            files = Path(folder) / "files"
+            files.mkdir()
+            yield files
     except BaseException as error:
         with suppress(OSError):
             for folder in made:
