@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from export_toys import random_cells
+from filelock import FileLock
 
 from hilbertvae.exports.grid_npz import write_grid
 from hilbertvae.exports.map_folder import SUMMARY, replace_map, writing_beside
@@ -106,6 +107,18 @@ def test_a_map_that_was_ended_by_force_says_so_and_can_be_made_again(tmp_path, m
     replace_map(again, output, ["map.npz", "map.safetensors"])
     assert contents(output) == {"map.npz": "new", "map.safetensors": "new"}
     assert "unfinished" not in json.loads((output / SUMMARY).read_text())
+
+
+def test_a_file_system_without_locks(tmp_path, monkeypatch):
+    def none(lock, *given, **more):
+        raise NotImplementedError("flock")
+
+    monkeypatch.setattr(FileLock, "acquire", none)
+    with writing_beside(tmp_path) as living:
+        (living / "map.npz").touch()
+        with writing_beside(tmp_path):
+            assert (living / "map.npz").exists()
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_a_killed_run_left_is_taken_away_and_what_a_living_one_writes_is_not(tmp_path):

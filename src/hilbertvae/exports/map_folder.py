@@ -91,7 +91,7 @@ def writing_beside(output: Path) -> Iterator[Path]:
     output.mkdir(parents=True, exist_ok=True)
     _clear_left(output)
     try:
-        with tempfile.TemporaryDirectory(prefix=WRITING, dir=output) as folder, FileLock(Path(folder) / HELD):
+        with tempfile.TemporaryDirectory(prefix=WRITING, dir=output) as folder, _held(Path(folder)):
             files = Path(folder) / "files"
             files.mkdir()
             yield files
@@ -104,9 +104,20 @@ def writing_beside(output: Path) -> Iterator[Path]:
         raise
 
 
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    lock = FileLock(folder / HELD)
+    with suppress(NotImplementedError, OSError):  # some network file systems have no locks
+        lock.acquire()
+    try:
+        yield
+    finally:
+        lock.release()
+
+
 def _clear_left(output: Path) -> None:
     for left in output.glob(f"{WRITING}*"):
-        with suppress(Timeout, OSError):
+        with suppress(Timeout, NotImplementedError, OSError):
             with FileLock(left / HELD, timeout=0):
                 pass
             shutil.rmtree(left)
