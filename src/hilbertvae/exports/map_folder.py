@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from filelock import FileLock, Timeout
+from filelock import FileLock
 
 from hilbertvae.checks import InputError
 from hilbertvae.exports.formats import EXPORTS
@@ -117,7 +117,7 @@ def _held(folder: Path) -> Iterator[None]:
 
 def _clear_left(output: Path) -> None:
     for left in output.glob(f"{WRITING}*"):
-        with suppress(Timeout, NotImplementedError, OSError):
+        with suppress(NotImplementedError, OSError):  # a lock that is held is an OSError, too
             with FileLock(left / HELD, timeout=0):
                 pass
             shutil.rmtree(left)

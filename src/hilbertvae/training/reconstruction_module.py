@@ -101,9 +101,8 @@ class ReconstructionModule(L.LightningModule):
         probability = self.likelihood.probability(self.likelihood.kernel_value(found.output))
         if not removed.any():
             return
-        probability = (
-            probability[removed].float().clamp(1e-4, 1 - 1e-4)
-        )  # torch refuses its own cross-entropy of these on a GPU in bfloat16
+        # By hand, since torch refuses its own cross-entropy of probabilities on a GPU in bfloat16.
+        probability = probability[removed].float().clamp(1e-4, 1 - 1e-4)
         gap = -torch.where(target[removed] > 0, probability, 1 - probability).log().mean()
         self.log("val/gap_nll", gap, prog_bar=True, batch_size=int(removed.sum()))
 
