@@ -4,7 +4,8 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from hilbertvae.checks import InputError
-from hilbertvae.commands.train import CONF, _identity, refuse_ignored, run, to_settings
+from hilbertvae.commands.overrides import refuse_ignored
+from hilbertvae.commands.train import CONF, _identity, run, to_settings
 from hilbertvae.files import file_sha256
 from hilbertvae.reports.result_json import read_result
 from toy_rooms import tiny_reconstructor
@@ -40,22 +41,35 @@ def test_the_result_says_what_grid_and_network_were_scored(tmp_path, network):
     assert about["data"]["checkpoint"] == file_sha256(network)
 
 
+def test_a_training_s_folder_is_not_scored_into_with_another_network(tmp_path, network):
+    own, settings = tmp_path / "run", fast(tmp_path, f"checkpoint={network}", "mapper=[cvae-hm]")
+    trained = tiny_reconstructor(seed=1)
+    trained.card = {"training_hash": "abc", "seed": 7}
+    trained.save(own / "model.safetensors")
+    (own / "training.json").write_text('{"training_hash": "abc"}')
+    with pytest.raises(InputError, match="output: .*run holds the training of another network than `checkpoint`"):
+        run(settings)
+    assert run(fast(tmp_path, f"checkpoint={own / 'model.safetensors'}", "mapper=[cvae-hm]", "seed=3")) == 0
+    assert read_result(own / "result.json")[1]["seeds"]["training"] == 7  # not what was typed
+
+
 @pytest.mark.parametrize("word", ["grid.inner_radius_m=3", "start=random", "grid.start=random", "network=gated_wide", "++network.latent=8",
                                   "likelihood.kind=signed", "calibration_occupied_weight=1"])  # fmt: skip
 def test_what_a_network_brings_with_it_is_not_set_beside_it(network, word):
     settings = settings_of(f"checkpoint={network}")
     with pytest.raises(InputError, match=f"^{key_of(word)}: expected none beside checkpoint=.*, which has its own"):
-        refuse_ignored(settings, ["seed=1", word])
-    refuse_ignored(settings, ["seed=1", "experiment=real_2d", "mapper=[cvae-hm]", "evaluation.occlusion=false"])
+        refuse_ignored(settings, ["name=again", word])
+    refuse_ignored(settings, ["name=again", "experiment=real_2d", "mapper=[cvae-hm]", "evaluation.occlusion=false"])
     refuse_ignored(settings_of(), [word])
 
 
 @pytest.mark.parametrize("word", ["trainer.epochs=5", "++trainer.learning_rate=1", "clustering.clusterings=2", "augmentation.balls=3",
-                                  "trainer={epochs: 5}", "augmentation={balls: 3}", "clustering={turn: false}"])  # fmt: skip
+                                  "trainer={epochs: 5}", "augmentation={balls: 3}", "clustering={turn: false}",
+                                  "data.simulated=9", "data={simulated_first: 9}", "trained=outputs/trained"])  # fmt: skip
 def test_how_networks_are_trained_is_not_said_beside_one(network, word):
     settings = settings_of(f"checkpoint={network}")
     with pytest.raises(InputError, match=f"^{key_of(word)}: expected none beside checkpoint=.*, which was trained before"):
-        refuse_ignored(settings, ["seed=1", word])
+        refuse_ignored(settings, ["name=again", word])
     refuse_ignored(settings, ["trainer.threads=2", "trainer={accelerator: cpu}", "trainer=ddp", "debug=fast"])  # how maps are made, too
     refuse_ignored(settings_of(), [word])
 

@@ -176,6 +176,17 @@ class TestASweepSurvives:
         assert read_result(folder / "default-seed-1/result.json")[0].failed.keys() == {"run"}
         assert not read_result(folder / "default-seed0/result.json")[0].failed
 
+    def test_a_refused_job_leaves_what_an_earlier_one_scored(self, tmp_path):
+        chosen, folder = ["cases/ablation=default", "pictures=false"], tmp_path / "outputs/debug/ablation-quick/default-seed0"
+        assert multirun(tmp_path, *chosen).returncode == 0
+        before = (folder / "result.json").read_bytes()
+        done = multirun(tmp_path, *chosen, "evaluation.gap_ratio=-1")
+        assert done.returncode == 1 and "0 of 1 jobs have results" in done.stdout
+        assert "FAILED default-seed0: evaluation.gap_ratio: " in done.stdout and "what lies there is of an earlier run" in done.stdout
+        assert (folder / "result.json").read_bytes() == before
+        done = multirun(tmp_path, *chosen)
+        assert done.returncode == 0 and "default-seed0: finished before" in done.stdout and "1 of 1 jobs have results" in done.stdout
+
     def test_a_setting_that_no_mapper_knows_fails_the_job(self, tmp_path):
         done = multirun(tmp_path, "cases/ablation=default", "+mapper.cvae-hm.neighbors=1")
         assert done.returncode == 1

@@ -152,6 +152,15 @@ def test_what_cannot_be_saved(tmp_path, room):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_names_of_columns_are_kept(room, tmp_path):
+    """As scikit-learn leaves them in a mapper that was fitted on a data frame."""
+    mapper = fit(HilbertMap(network(2)), room.fit)
+    assert not hasattr(load_map(save_map(mapper, tmp_path / "site.map")), "feature_names_in_")
+    mapper.feature_names_in_ = np.array(["x", "y"], dtype=object)
+    loaded = load_map(save_map(mapper, tmp_path / "site.map"))
+    assert loaded.feature_names_in_.dtype == object and loaded.feature_names_in_.tolist() == ["x", "y"]
+
+
 def test_a_setting_that_was_changed_after_the_fit(room, tmp_path):
     mapper = fit(HilbertMap(network(2)), room.fit)
     queries = room.voxels.points[:200]

@@ -33,6 +33,24 @@ def test_what_was_written_is_read_back(tmp_path, name, beams, step_deg):
             row += 1
 
 
+def test_no_return_is_inf_as_well_as_nan(tmp_path):
+    """Neither is a range that checks of units and of codes may count."""
+    rng = np.random.default_rng(0)
+    ranges = rng.uniform(1, 4, (50, 180)).round(3)
+    said = {}
+    for none in (np.nan, np.inf):
+        for name, code, of in (("far", none, 0.7), ("clipped", 8.191, 0.4)):
+            some = np.where(rng.random(ranges.shape) < of, code, ranges)
+            some[:, 0] = none
+            path = write_log(tmp_path / f"{name}.log", [carmen_line(row, [0, 0, 0]) for row in some])
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                read_carmen(path)
+            said[name, str(none)] = [str(warning.message).split(":")[1][:30].strip() for warning in caught]
+    assert said["far", "nan"] == said["far", "inf"] == []
+    assert len(said["clipped", "nan"]) == len(said["clipped", "inf"]) == 1
+
+
 def test_no_return_codes_are_skipped(tmp_path):
     ranges = np.full(180, 3.0)
     ranges[[0, 7, 8, 9, 10]] = [81.83, 25.0, 0.0, -1.0, 24.999]

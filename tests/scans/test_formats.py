@@ -80,6 +80,13 @@ def test_a_folder_of_bags(tmp_path):
         read_scans_path(tmp_path)
 
 
+def test_a_folder_of_scans_may_have_metadata_of_its_own(tmp_path):
+    folder = write_drive(tmp_path / "drive", POINTS.reshape(3, 20, 3), random_poses(3))
+    before = len(read_scans_path(folder))
+    (folder / "metadata.yaml").write_text("sensor: a lidar\n")
+    assert len(read_scans_path(folder)) == before
+
+
 def test_what_is_a_path_and_what_a_name():
     paths = ["a.bag", "a.MCAP", "a.db3", "a.e57"]
     paths += ["a.log", "a.LOG.gz", "street.ply", "a/b", "./intel", "/data/drive", "drive/", ".", "..", "x.LAZ", "000000.bin"]

@@ -25,6 +25,11 @@ def test_kitti_and_tum_say_the_same(tmp_path):
     np.testing.assert_allclose(read_poses(path), poses, rtol=0, atol=1e-12)
 
 
+def test_a_byte_order_mark_is_no_number(tmp_path):
+    (tmp_path / "poses.txt").write_text(LINE, encoding="utf-8-sig")
+    assert read_poses(tmp_path / "poses.txt")[0, :, 3].tolist() == [5, 6, 7]
+
+
 def test_times_that_go_back_are_said(tmp_path):
     path = tmp_path / "poses.txt"
     path.write_text("1.5 0 0 0 0 0 0 1\n2.5 1 0 0 0 0 0 1\n2 2 0 0 0 0 0 1\n1 3 0 0 0 0 0 1\n")

@@ -8,7 +8,7 @@ import pytest
 from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.tables.layouts import read_page
 from hilbertvae.tables.methods import PAPER_LATENT, PAPER_NETWORK
-from toy_sweeps import SECONDS, declare, lines_with, put, put_failed, rows_of_csv, scores_of
+from toy_sweeps import SECONDS, change, declare, lines_with, put, put_failed, rows_of_csv, scores_of
 
 AS_IN_THE_PAPER = {"network.kind": "paper", "network.channels": [64, 128, 256, 256], "network.kernels": [9, 7, 5, 5], "network.latent": 25}
 
@@ -134,6 +134,16 @@ def test_further_sites_have_tables_of_their_own(folder):
     found = rows_of_csv(page.csv_files()["table.csv"])
     assert [row["site"] for row in found if row["method"] == "cvae-hm"] == ["hall", "orebro"]
     assert "## hall, gaps of 2.5 m" in page.markdown() and "## orebro, gaps of 2.5 m" in page.markdown()
+
+
+def test_each_site_has_gaps_of_its_own(tmp_path):
+    for site, at in (("hall", 0.0), ("orebro", 5.0)):
+        gaps = [{"seed": seed, "centres": [[at, 1.0]], "radius_m": [1.25], "share": 0.1} for seed in (0, 1)]
+        below = "" if site == "hall" else f"/{site}"
+        for job, mapper in (("cvae-hm-seed0", "cvae-hm"), ("baselines-seed0", "nearest")):
+            change(put(tmp_path, job + below, {mapper: [0.1, 0.3]}, site=site), lambda content, gaps=gaps: content.update(gaps=gaps))
+    text = read_page(tmp_path, "table1").markdown()
+    assert "## hall" in text and "## orebro" in text
 
 
 def test_occlusion_stands_there_where_it_was_scored(folder):

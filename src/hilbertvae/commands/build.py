@@ -25,6 +25,8 @@ def _build_mapper(name: str, specification: dict) -> Mapper:
     target = specification.get("_target_") if isinstance(specification, dict) else None
     if not isinstance(target, str) or not target.startswith(ALLOWED):
         raise InputError(f"mapper.{name}._target_: expected a class below {ALLOWED}, got {target!r}")
+    if "seed" in specification:
+        raise InputError(f"mapper.{name}.seed: expected none, since each gap seed is a mapper's, too (`evaluation.gap_seeds`)")
     try:
         mapper = instantiate(specification, _convert_="all", _recursive_=False)  # one of a setting's own is no class either
     except InstantiationException as error:

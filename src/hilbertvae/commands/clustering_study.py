@@ -46,6 +46,11 @@ def write_clustering_failure(folder: str | Path, config: dict, error: BaseExcept
     write_json(Path(folder) / NAME, {"schema_version": SCHEMA_VERSION, "status": "failed", "failed": why, "rows": [], **provenance(config)})
 
 
+def has_study(folder: str | Path) -> bool:
+    """Whether a study has left its rows in `folder`, whatever its settings were."""
+    return bool(json_object(Path(folder) / NAME).get("rows"))
+
+
 def _is_finished(path: Path, config_hash: str) -> bool:
     found = json_object(path)
     return found.get("status") == "ok" and found.get("config_hash") == config_hash

@@ -21,7 +21,7 @@ from omegaconf import DictConfig, OmegaConf
 from hilbertvae.checks import InputError
 from hilbertvae.files import json_object, write_json
 from hilbertvae.reports.result_json import read_result
-from hilbertvae.reports.run_state import is_trained
+from hilbertvae.reports.run_state import is_trained, refusal
 from hilbertvae.tables.clustering import NAME as CLUSTERING
 from hilbertvae.tables.sweep import SWEEP
 
@@ -126,6 +126,8 @@ def telling_subdir(config: DictConfig) -> str:
 
 def what_failed(folder: Path, scored: bool) -> str | None:
     """What the result in a job's folder says of a failure; None for one that is well, as is the network of one that only trains."""
+    if why := refusal(folder):
+        return f"{why} (what lies there is of an earlier run)"
     if (folder / CLUSTERING).exists():
         return "; ".join(json.loads((folder / CLUSTERING).read_text(encoding="utf-8"))["failed"].values()) or None
     if not scored and is_trained(folder) and not (folder / "result.json").exists():

@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Iterator
 from dataclasses import asdict, fields, is_dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,19 +13,29 @@ from pathlib import Path
 import hydra
 from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.types import RunMode
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.commands.clustering_study import run_clustering, write_clustering_failure
+from hilbertvae.commands.clustering_study import has_study, run_clustering, write_clustering_failure
 from hilbertvae.commands.gpus import give_gpus, remember_gpus, see_remembered_gpus
+from hilbertvae.commands.overrides import refuse_ignored
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.networks import NETWORKS
 from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reports.provenance import without_folders
-from hilbertvae.reports.run_state import clear, forget, is_finished, is_trained, was_scored_alone, write_failure
+from hilbertvae.reports.run_state import (
+    allow,
+    clear,
+    forget,
+    has_result,
+    is_finished,
+    is_trained,
+    was_scored_alone,
+    write_failure,
+    write_refusal,
+)
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.signals import stopped_by_signals
 from hilbertvae.site import open_site, site_name
@@ -42,15 +51,6 @@ OmegaConf.register_new_resolver("sweeps_folder", lambda: str(SWEEPS), replace=Tr
 JOB = "HILBERTVAE_JOB"
 """Where a job of a multirun tells the other processes of its distributed training what it is: Lightning starts them with the words of
 the whole multirun, of which they would do every job."""
-
-OF_A_NETWORK = ("network", "grid", "start", "likelihood", "calibration_occupied_weight")
-"""Settings that lie in the file of a network."""
-OF_ITS_WEIGHTS = ("validation_gap_m", "calibration_seeds", "data.calibrate")
-"""Settings of how a map's weights are learned, which lie there too and count for maps that need others."""
-LEARN_ANEW = {"neighbours", "inner_radius_m", "resolution_m"}
-"""Settings of a map that has weights of its own learned, if they are not as its network's were (`training/scoring.py`)."""
-OF_A_TRAINING, OF_A_SCORING_TOO = ("augmentation.", "clustering.", "trainer."), ("trainer.threads", "trainer.accelerator")
-"""Settings of how a network is trained, and those of them that say how maps are made, too."""
 
 store = ConfigStore.instance()
 # The network is missing there, so that a choice of another kind meets no default of this one; the folder is that of the name, and the
@@ -80,40 +80,6 @@ def _refuse_unknown(node: object, path: str) -> None:
             _refuse_unknown(value, f"{path}{name}.")
 
 
-def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
-    """An `InputError` for a setting, typed beside a `checkpoint`, of what that network brings with it: nothing would come of it."""
-    if settings.checkpoint is None:
-        return
-    for key in _typed_keys(overrides):
-        if key.partition(".")[0] in OF_A_NETWORK:
-            at_hand = "; `mapper.<name>.inner_radius_m` is a map's own" if key in ("start", "grid") or key.startswith("grid.") else ""
-            raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its own{at_hand}")
-        if key.startswith(OF_A_TRAINING) and key not in OF_A_SCORING_TOO:
-            raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which was trained before")
-        if key in OF_ITS_WEIGHTS and not any(map(_learns_weights, settings.mapper.values())):
-            anew = "they are learned anew for maps with `neighbours`, `inner_radius_m` or `resolution_m` of their own"
-            raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its map's weights; {anew}")
-
-
-def _typed_keys(overrides: list[str]) -> Iterator[str]:
-    """The settings that these words change, also those within `{...}`."""
-
-    def inner(key: str, value: object) -> Iterator[str]:
-        if isinstance(value, dict) and value:
-            for name, part in value.items():
-                yield from inner(f"{key}.{name}", part)
-        else:
-            yield key
-
-    for word in OverridesParser.create().parse_overrides(overrides):
-        yield from inner(word.key_or_group, None if word.is_sweep_override() else word.value())
-
-
-def _learns_weights(mapper: dict | None) -> bool:
-    """Whether a configured map has a network, and boxes that lie or answer otherwise than those its weights were learned for."""
-    return bool(mapper and mapper.get("reconstructor") and LEARN_ANEW & {*mapper})
-
-
 def run(settings: Settings, again: bool = True) -> int:
     """Train if a mapper needs it, score all, write everything; the exit code. again: do so even if the results are there already."""
     data, other_scoring = settings.data, was_scored_alone(settings.output)
@@ -124,7 +90,6 @@ def run(settings: Settings, again: bool = True) -> int:
             if scored or (not (settings.mapper and names) and is_trained(settings.output, training_hash(settings))):
                 print(f"{settings.output}: finished before")
                 return 0
-        forget(settings.output)
     # Late: a sweep that has nothing to do waits for none of it, and only a training for Lightning.
     from hilbertvae.commands.build import build_mappers
     from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -138,6 +103,14 @@ def run(settings: Settings, again: bool = True) -> int:
     for reference in sites if training else data.test:
         settings.source().check(reference)
     reconstructor = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
+    if training:
+        from hilbertvae.training.train import check_folder, first_rank, train
+
+        check_folder(settings)
+    elif reconstructor and is_trained(settings.output) and not _is_its_own(settings):
+        raise InputError(f"output: {settings.output} holds the training of another network than `checkpoint`; choose another `name`")
+    if not again:  # late: a job that is refused leaves what was there
+        forget(settings.output)
     config, identity = asdict(settings), _identity(settings)
     named, scored = {*_named_networks(settings).values()}, reconstructor
     if not scored and not training and len(named) == 1:
@@ -145,7 +118,8 @@ def run(settings: Settings, again: bool = True) -> int:
     if scored:  # what was scored, not what another network would have had
         parts = {"network": scored.network_settings, "grid": scored.grid, "likelihood": scored.likelihood}
         config |= {name: asdict(part) for name, part in parts.items()}
-    seeds = {"training": settings.seed, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
+    trained_with = scored.card.get("seed", settings.seed) if scored else settings.seed
+    seeds = {"training": trained_with, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
 
     def others():
         for site, role in sites.items():
@@ -159,8 +133,6 @@ def run(settings: Settings, again: bool = True) -> int:
     if other_scoring:
         clear(settings.output)
     if training:
-        from hilbertvae.training.train import first_rank, train
-
         train(settings, mappers, write)
         if not first_rank():
             return 0
@@ -185,6 +157,12 @@ def _given(settings: Settings) -> dict[str, str]:
     return {key: file_sha256(path) for key, path in paths.items() if path.is_file()}  # one that is missing is named where it is loaded
 
 
+def _is_its_own(settings: Settings) -> bool:
+    """Whether the network to be scored is the one that was trained in the run's folder."""
+    own = Path(settings.output) / "model.safetensors"
+    return own.is_file() and file_sha256(own) == file_sha256(checkpoint_path(settings.checkpoint))
+
+
 def _named_networks(settings: Settings) -> dict[str, str]:
     """The networks that mappers name instead of taking the run's, by key."""
     named = {f"mapper.{name}.reconstructor": one.get("reconstructor") for name, one in settings.mapper.items() if isinstance(one, dict)}
@@ -199,6 +177,7 @@ def _application(config: DictConfig) -> None:
     if many:
         os.environ[JOB] = json.dumps([*job.overrides.task, f'hydra.run.dir="{output}"'])
     try:
+        allow(output)
         launcher = job.launcher._target_ if many else ""
         if "LocalLauncher" in launcher:
             see_remembered_gpus()
@@ -221,12 +200,16 @@ def _application(config: DictConfig) -> None:
         print(f"hilbertvae-train: {str(error) or 'stopped; the same command goes on from where it was'}", file=sys.stderr)
         sys.exit(130)
     except Exception as error:
-        if many or not isinstance(error, InputError):  # a wrong setting of a single run is told at once, and leaves nothing
-            write = write_clustering_failure if config.task == "clustering" else write_failure
+        refused = isinstance(error, InputError)
+        had, write = (has_study, write_clustering_failure) if config.task == "clustering" else (has_result, write_failure)
+        if refused and not many:  # a wrong setting of a single run is told at once, and leaves nothing
+            print(f"hilbertvae-train: {error}", file=sys.stderr)
+            sys.exit(2)
+        if refused and had(output):  # good scores don't go for a slip of the pen
+            write_refusal(output, error)
+        else:
             write(output, OmegaConf.to_container(config, resolve=True, throw_on_missing=False), error)
-            raise
-        print(f"hilbertvae-train: {error}", file=sys.stderr)
-        sys.exit(2)
+        raise
     if code:
         raise RuntimeError("a mapper failed; see the lines above and result.json")
 

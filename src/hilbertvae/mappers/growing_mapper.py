@@ -35,7 +35,7 @@ class GrowingMapper(CompletingMapper):
         """
         if self.weights == "cluster":
             raise InputError("weights: expected unit or rank for partial_fit, got 'cluster', which are fitted on a whole site")
-        if not self.fill:
+        if not getattr(self, "fills_", self.fill):  # a setting changed since takes effect with the next fit
             raise InputError("fill: expected a map that fills gaps for partial_fit; fit one without grids on all scans")
         first = not hasattr(self, "grids_")
         if first and self.adapt_steps:

@@ -61,6 +61,7 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
             "grid": None if mapper.grid is None else asdict(mapper.grid),
         },
         "dimension": mapper.n_features_in_,
+        "feature_names": None if (names := getattr(mapper, "feature_names_in_", None)) is None else list(names),
         "classes": mapper.classes_.tolist(),
         "grid": asdict(mapper.grid_),
         "resolution_m": mapper.evidence_.resolution_m,
@@ -134,6 +135,8 @@ def _restored(described: dict, arrays: dict[str, np.ndarray], network: RecordedN
     mapper.evidence_ = evidence_of(evidence, dimension, check_positive(described["resolution_m"], "resolution_m"))
     mapper.rank_weights_ = _rank_weights(described["rank_weights"], mapper)
     mapper.n_features_in_, mapper.classes_ = dimension, _classes(described["classes"])
+    if (names := described.get("feature_names")) is not None:  # older maps don't say
+        mapper.feature_names_in_ = _feature_names(names, dimension)
     _put_clusters(mapper, {name: array for name, array in arrays.items() if not name.startswith(EVIDENCE)})
     return mapper
 
@@ -190,6 +193,13 @@ def _rank_weights(plain: dict, mapper: HilbertMap) -> RankWeights:
     if not np.isfinite(weights.spread):
         raise InputError(f"rank_weights.spread: expected a finite number, got {weights.spread!r}")
     return weights
+
+
+def _feature_names(names: list, dimension: int) -> np.ndarray:
+    """Those of a data frame's columns, which scikit-learn asks of later ones."""
+    if not isinstance(names, list) or len(names) != dimension or not all(isinstance(name, str) for name in names):
+        raise InputError(f"feature_names: expected {dimension} names, got {str(names)[:100]}")
+    return np.array(names, dtype=object)
 
 
 def _classes(values: list) -> np.ndarray:

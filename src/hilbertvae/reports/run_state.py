@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 from hilbertvae.checks import InputError
-from hilbertvae.files import hash_of, json_object
+from hilbertvae.files import atomic, hash_of, json_object
 from hilbertvae.reports.provenance import provenance
 from hilbertvae.reports.result_json import read_result, write_result
 from hilbertvae.scoring.result import Result
@@ -23,6 +23,10 @@ TENSORBOARD, PICTURES, SURFACE = "tensorboard", "pictures", "surface.ply"
 
 UNFINISHED = "unfinished"
 """The folder, in a run's own, of scores that are kept until it has written everything."""
+
+
+REFUSED = "refused.txt"
+"""Why the last job in a folder was refused, beside the results of one before it, which stay."""
 
 
 def site_folder(folder: Path, site: str, first: bool) -> Path:
@@ -67,6 +71,14 @@ def forget(folder: str | Path) -> None:
         result.unlink(missing_ok=True)
 
 
+def has_result(folder: str | Path) -> bool:
+    """Whether a run has left scores in `folder`, whatever its settings were."""
+    try:
+        return bool(read_result(Path(folder) / "result.json")[0].scores)
+    except InputError:
+        return False
+
+
 def was_scored_alone(folder: str | Path) -> bool:
     """Whether an earlier run has scored into this folder, and none trained there, whose curves are in its TensorBoard."""
     return (Path(folder) / "result.json").exists() and not (Path(folder) / TRAINING).exists()
@@ -94,6 +106,23 @@ def write_failure(folder: str | Path, config: dict, error: BaseException) -> Pat
         protocol=dict(evaluation),
     )
     return write_result(Path(folder) / "result.json", broken, provenance(config, identity={"failed": True}))
+
+
+def write_refusal(folder: str | Path, error: BaseException) -> None:
+    """Beside results that stay: why a later job of the same folder did not start. `allow` takes it back."""
+    with atomic(Path(folder) / REFUSED) as temporary:
+        temporary.write_text(f"{error}\n", encoding="utf-8")
+
+
+def allow(folder: str | Path) -> None:
+    """Before a job starts: what is said of an earlier one's refusal goes."""
+    (Path(folder) / REFUSED).unlink(missing_ok=True)
+
+
+def refusal(folder: str | Path) -> str | None:
+    """Why the last job in `folder` was refused, if it was."""
+    path = Path(folder) / REFUSED
+    return path.read_text(encoding="utf-8").strip() if path.exists() else None
 
 
 def _finite(node):

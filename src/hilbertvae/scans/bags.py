@@ -36,7 +36,12 @@ METADATA = "metadata.yaml"
 def is_bag(path: str | os.PathLike) -> bool:
     """Whether a path is a bag by its name, or a folder by what is in it."""
     path = Path(path)
-    return path.suffix.lower() in BAG_FILES or (path / METADATA).is_file()
+    if path.suffix.lower() in BAG_FILES:
+        return True
+    if not (path / METADATA).is_file():
+        return False
+    # Other folders of scans have a file of that name, too.
+    return b"rosbag2" in (path / METADATA).read_bytes() or any(file.suffix.lower() in BAG_FILES for file in path.iterdir())
 
 
 def read_bag(

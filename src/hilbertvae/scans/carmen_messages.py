@@ -104,4 +104,4 @@ def _numbers(path: Path, number: int, fields: list[bytes], place: int, count: in
 def _sweep(path: Path, number: int, ranges: np.ndarray, pose: np.ndarray, **beams) -> Sweep:
     if not np.isfinite(pose).all():
         raise InputError(f"{path}, line {number}: expected a finite pose, got {pose.tolist()}")
-    return Sweep(np.nan_to_num(ranges, nan=np.inf), pose, **beams)
+    return Sweep(np.where(np.isnan(ranges), np.inf, ranges), pose, **beams)

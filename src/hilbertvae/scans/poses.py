@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 import os
 import warnings
@@ -43,7 +44,7 @@ def read_timed_poses(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | 
     poses, times, headings, width, back = [], [], [], None, 0
     with reading(path, "poses, 12 numbers a line (or 8, as TUM writes them; or 3, x y heading)"), open(path, "rb") as file:
         for number, line in enumerate(file, start=1):
-            fields = line.split()
+            fields = (line.removeprefix(codecs.BOM_UTF8) if number == 1 else line).split()
             if not fields or fields[0].startswith(b"#"):
                 continue
             where, width = f"{path}, line {number}", width or len(fields)

@@ -30,10 +30,11 @@ def check_alike(sweep: Sweep, varies: frozenset[str] = frozenset(), same: tuple[
     varies: keys that this sweep changes on purpose, such as `protocol.gap_ratio` or `site`. same: settings that must agree beside those
     that always must. Runs of which nothing was scored give no row, so that nothing is asked of them.
     """
-    first: dict[str, tuple[object, Run]] = {}
+    first: dict[tuple[str, str], tuple[object, Run]] = {}
     for run in sweep.scored:
         for key, value in _facts(run, same):
-            known, of = first.setdefault(key, (value, run))
+            of_site = run.result.site if key == GAPS else ""  # each site has gaps of its own
+            known, of = first.setdefault((key, of_site), (value, run))
             if known != value and key not in varies:
                 raise InputError(f"{run.path}: {key}: {_short(value)}, but {_short(known)} in {of.path}; they can't stand in one table")
 

@@ -70,6 +70,7 @@ class DataSettings:
             raise InputError("data.train: expected at least one site, or data.simulated buildings, got neither")
         for key in ("simulated", "simulated_first", "processes"):
             check_not_negative(getattr(self, key), f"data.{key}")
+        check_count(self.simulated_scans, "data.simulated_scans")
         if self.simulated:
             check_count(self.simulated_clusterings, "data.simulated_clusterings")
         extent = self.simulated_extent_m
@@ -92,7 +93,7 @@ class TrainerSettings:
     learning_rate: float = 4e-3
     weight_decay: float = 0.02
     warmup_share: float = 0.02
-    """Share of all steps over which the learning rate rises; then it falls as a cosine."""
+    """Share of all steps over which the learning rate rises. All the while it falls as a cosine over all steps, to a hundredth."""
     kl_weight: float = 1.0
     kl_warmup_share: float = 0.2
     free_nats: float = 0.05

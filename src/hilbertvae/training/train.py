@@ -145,16 +145,26 @@ def _last_epoch(output: Path, settings: Settings) -> Path | None:
     A job whose network is kept is made anew instead, also after a change of the code: what it left is filed under the hash of both, and
     whoever changes a sweep's settings asks for other networks. A single run goes on over a change of the code, as a long one may have to.
     """
-    made_of, last = _made_of(settings), output / "checkpoints" / "last.ckpt"
+    last = output / "checkpoints" / "last.ckpt"
     if last.exists():
-        found = json_object(output / TRAINING)
-        if all(found.get(key) == value for key, value in made_of.items()):
+        check_folder(settings)
+        if _is_of(output, settings):
             return last
-        if not settings.trained:
-            raise InputError(f"output: {output} holds a run with other settings; choose another `name`, or remove the folder")
         print(f"{output}: was trained with other settings, or by other code; trained anew")
     _begin_anew(output, settings)
     return None
+
+
+def check_folder(settings: Settings) -> None:
+    """An `InputError` if the folder of the run holds the training of another one, which it would go on from or write over."""
+    output = Path(settings.output)
+    if not settings.trained and (output / "checkpoints" / "last.ckpt").exists() and not _is_of(output, settings):
+        raise InputError(f"output: {output} holds a run with other settings; choose another `name`, or remove the folder")
+
+
+def _is_of(output: Path, settings: Settings) -> bool:
+    found = json_object(output / TRAINING)
+    return all(found.get(key) == value for key, value in _made_of(settings).items())
 
 
 def _made_of(settings: Settings) -> dict[str, str]:

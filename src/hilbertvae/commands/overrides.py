@@ -1,0 +1,55 @@
+"""What is typed on the command line of `hilbertvae-train`, where nothing would come of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from hydra.core.override_parser.overrides_parser import OverridesParser
+
+from hilbertvae.checks import InputError
+from hilbertvae.training.settings import Settings
+
+OF_A_NETWORK = ("network", "grid", "start", "likelihood", "calibration_occupied_weight")
+"""Settings that lie in the file of a network."""
+OF_ITS_WEIGHTS = ("validation_gap_m", "calibration_seeds", "data.calibrate")
+"""Settings of how a map's weights are learned, which lie there too and count for maps that need others."""
+LEARN_ANEW = {"neighbours", "inner_radius_m", "resolution_m"}
+"""Settings of a map that has weights of its own learned, if they are not as its network's were (`training/scoring.py`)."""
+OF_A_TRAINING, OF_A_SCORING_TOO = ("augmentation.", "clustering.", "trainer."), ("trainer.threads", "trainer.accelerator")
+"""Settings of how a network is trained, and those of them that say how maps are made, too."""
+OF_A_TRAINING_ALONE = ("trained", "data.simulated", "data.simulated_first", "data.simulated_clusterings")
+"""More of them; other keys of `data` say what sites there are, and sweeps bring a `seed` with them."""
+
+
+def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
+    """An `InputError` for a setting, typed beside a `checkpoint`, of what that network brings with it: nothing would come of it."""
+    if settings.checkpoint is None:
+        return
+    for key in _typed_keys(overrides):
+        if key.partition(".")[0] in OF_A_NETWORK:
+            at_hand = "; `mapper.<name>.inner_radius_m` is a map's own" if key in ("start", "grid") or key.startswith("grid.") else ""
+            raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its own{at_hand}")
+        if (key.startswith(OF_A_TRAINING) and key not in OF_A_SCORING_TOO) or key in OF_A_TRAINING_ALONE:
+            raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which was trained before")
+        if key in OF_ITS_WEIGHTS and not any(map(_learns_weights, settings.mapper.values())):
+            anew = "they are learned anew for maps with `neighbours`, `inner_radius_m` or `resolution_m` of their own"
+            raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its map's weights; {anew}")
+
+
+def _typed_keys(overrides: list[str]) -> Iterator[str]:
+    """The settings that these words change, also those within `{...}`."""
+
+    def inner(key: str, value: object) -> Iterator[str]:
+        if isinstance(value, dict) and value:
+            for name, part in value.items():
+                yield from inner(f"{key}.{name}", part)
+        else:
+            yield key
+
+    for word in OverridesParser.create().parse_overrides(overrides):
+        yield from inner(word.key_or_group, None if word.is_sweep_override() else word.value())
+
+
+def _learns_weights(mapper: dict | None) -> bool:
+    """Whether a configured map has a network, and boxes that lie or answer otherwise than those its weights were learned for."""
+    return bool(mapper and mapper.get("reconstructor") and LEARN_ANEW & {*mapper})
