@@ -36,8 +36,8 @@ MOST_GRADIENT = 1000.0
 
 
 def batch_size(reconstructor: Reconstructor) -> int:
-    """Grids that a step sees: 16 of 64 x 64 cells, 4 of 128 x 128, 2 of 32 x 32 x 32."""
-    return max(1, BATCH_CELLS // reconstructor.grid.cells**reconstructor.dimension)
+    """Grids that a step sees: 16 of 64 x 64 cells, 4 of 128 x 128, 2 of 192 x 192 or 32 x 32 x 32."""
+    return max(1, round(BATCH_CELLS / reconstructor.grid.cells**reconstructor.dimension))
 
 
 def adapted(
