@@ -240,6 +240,9 @@ def test_without_filling_it_knows_what_was_observed_alone(place):
     np.testing.assert_array_equal(mapper.predict_map(queries), found)
     with pytest.raises(InputError, match="fill: expected a map that fills gaps for partial_fit"):
         mapper.partial_fit(cloud.points, cloud.occupied)
+    mapper.set_params(fill=True)  # takes effect with the next fit
+    with pytest.raises(InputError, match="fill: expected a map that fills gaps for partial_fit"):
+        mapper.partial_fit(cloud.points, cloud.occupied)
 
 
 def test_what_answers_are_looked_up_with_is_made_once_whatever_the_threads(room, monkeypatch):
