@@ -6,7 +6,7 @@ import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.clusters.ask_means import ask_means
-from hilbertvae.clusters.comparison import StudySettings, compare_start, matching_threshold, study, uniform_squares
+from hilbertvae.clusters.comparison import StudySettings, compare_start, matching_threshold, study, study_clouds, uniform_squares
 from hilbertvae.clusters.lloyd import lloyd
 from hilbertvae.clusters.starts import STARTS, quick_means_seeds
 
@@ -17,7 +17,7 @@ TINY = StudySettings(sizes=[300, 600], seeds=[0, 4], inner_radius_m=1.0, lloyd_i
 def rows(request, room):
     """The rows of every start, by its name."""
     settings = replace(TINY, cloud=request.param)
-    return {start: study(start, settings, room.scans.points) for start in STARTS}
+    return {start: study(start, settings, study_clouds(settings, room.scans.points)) for start in STARTS}
 
 
 def test_a_row_for_every_size_and_seed_that_json_can_hold(rows):
@@ -50,13 +50,14 @@ def test_rows_are_what_its_parts_give(room):
 
 
 def test_the_only_difference_between_two_calls_is_the_time(room):
-    first, again = (study("ask_means", TINY, room.scans.points) for _ in range(2))
+    first, again = (study("ask_means", TINY, study_clouds(TINY, room.scans.points)) for _ in range(2))
     assert [{**row, "seconds": 0} for row in first] == [{**row, "seconds": 0} for row in again]
 
 
 def test_progress_is_told():
     told = []
-    study("random", replace(TINY, cloud="uniform"), progress=lambda done, total: told.append((done, total)))
+    uniform = replace(TINY, cloud="uniform")
+    study("random", uniform, study_clouds(uniform), progress=lambda done, total: told.append((done, total)))
     assert told == [(1, 4), (2, 4), (3, 4), (4, 4)]
 
 
@@ -100,7 +101,7 @@ def test_settings_that_make_no_study_are_named(change, message):
     with pytest.raises(InputError, match=message):
         replace(StudySettings(), **change).check()
     with pytest.raises(InputError, match=message):
-        study("random", replace(StudySettings(), **change), np.ones((20_000, 2)))
+        study_clouds(replace(StudySettings(), **change), np.ones((20_000, 2)))
 
 
 def test_what_cannot_be_compared_is_named_at_once():
@@ -109,4 +110,6 @@ def test_what_cannot_be_compared_is_named_at_once():
     with pytest.raises(InputError, match="sizes: expected a whole number from 1 to 9, got 10"):
         compare_start("random", np.ones((9, 2)), [3, 10], [0], 1.0, 1)
     with pytest.raises(InputError, match="returns: expected points of a site for study.cloud=returns, got none"):
-        study("random", StudySettings())
+        study_clouds(StudySettings())
+    with pytest.raises(InputError, match="sizes: expected a whole number from 1 to 9"):
+        study_clouds(StudySettings(), np.ones((9, 2)))

@@ -119,10 +119,18 @@ def test_starts_of_a_clustering_are_compared_and_tabled(tmp_path):
     assert "| k-means++ | 400 |" in (folder / "table.md").read_text()
 
 
-def test_a_study_that_breaks_leaves_word(tmp_path):
-    command = [*TRAIN, "-m", "+sweep=fig2", "debug=fast", "start=random", "study.sizes=[10000000]"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=environment())
-    assert done.returncode == 1 and "FAILED random-seed0: InputError: sizes" in done.stdout
+def test_a_study_that_is_refused_leaves_word_and_what_an_earlier_one_found(tmp_path):
+    def launch(*words):
+        command = [*TRAIN, "-m", "+sweep=fig2", "debug=fast", "start=random", *words]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=environment())
+
+    path = tmp_path / "outputs/debug/fig2-quick/random-seed0/clustering.json"
+    done = launch("study.sizes=[10000000]")
+    assert done.returncode == 1 and "FAILED random-seed0: InputError: sizes" in done.stdout and not json.loads(path.read_text())["rows"]
+    assert launch().returncode == 0
+    before = path.read_bytes()
+    done = launch("study.sizes=[10000000]")
+    assert done.returncode == 1 and "FAILED random-seed0: sizes: " in done.stdout and path.read_bytes() == before
 
 
 def test_jobs_of_earlier_launches_stay_listed(tmp_path):

@@ -226,6 +226,7 @@ class TestErrors:
             (["data.simulated=1", "dimension=4"], "dimension"),
             (["data.simulated=1", "seed=-1"], "seed"),
             (["data.simulated=1", "data.processes=-1"], "data.processes"),
+            (["data.simulated=1", "data.simulated_scans=0"], "data.simulated_scans"),
         ],
     )
     def test_a_value_that_makes_no_run_names_its_key(self, overrides, key):
@@ -240,6 +241,10 @@ class TestErrors:
         inner = {"_target_": "os.system", "command": f"touch {tmp_path / 'made'}"}
         (mapper,) = build_mappers({"evil": {"_target_": f"{NearestMapper.__module__}.NearestMapper", "neighbours": inner}}).values()
         assert mapper.neighbours == inner and not (tmp_path / "made").exists()
+
+    def test_a_mapper_s_seed_is_the_gap_seed(self):
+        with pytest.raises(InputError, match="mapper.nearest.seed: expected none"):
+            build_mappers({"nearest": {"_target_": f"{NearestMapper.__module__}.NearestMapper", "seed": 3}})
 
     def test_a_mapper_with_an_unknown_setting_is_named(self):
         with pytest.raises(InputError, match="mapper.nearest.*neighbors"):

@@ -73,15 +73,20 @@ class StartRun:
     """Before the first of Lloyd's iterations and after each."""
 
 
-def study(
-    start: str, settings: StudySettings, returns: np.ndarray | None = None, progress: Callable[[int, int], None] | None = None
-) -> list[dict]:
-    """Rows of `compare_start` as the settings say. returns: (N, D) metres, a site's, unless the cloud is uniform."""
+def study_clouds(settings: StudySettings, returns: np.ndarray | None = None) -> Draw:
+    """What draws a study's clouds. returns: (N, D) metres, a site's, unless they are uniform. Raises `InputError` for settings that make no
+    study, and for returns that are too few."""
     settings.check()
-    if settings.cloud == "returns" and returns is None:
+    if settings.cloud == "uniform":
+        return uniform_squares(settings.points_per_m2)
+    if returns is None:
         raise InputError("returns: expected points of a site for study.cloud=returns, got none")
-    points = returns if settings.cloud == "returns" else uniform_squares(settings.points_per_m2)
-    return compare_start(start, points, settings.sizes, settings.seeds, settings.inner_radius_m, settings.lloyd_iterations, progress)
+    return random_parts(returns, max(settings.sizes))
+
+
+def study(start: str, settings: StudySettings, clouds: Draw, progress: Callable[[int, int], None] | None = None) -> list[dict]:
+    """Rows of `compare_start` as the settings say, on `study_clouds`."""
+    return compare_start(start, clouds, settings.sizes, settings.seeds, settings.inner_radius_m, settings.lloyd_iterations, progress)
 
 
 def compare_start(

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.progress import Progress
 
 import hilbertvae
-from hilbertvae.clusters.comparison import study
+from hilbertvae.clusters.comparison import study, study_clouds
 from hilbertvae.files import json_object, write_json
 from hilbertvae.reports.provenance import provenance
 from hilbertvae.reports.run_state import RUN
@@ -31,10 +31,11 @@ def run_clustering(settings: Settings, again: bool = True) -> int:
     if not again and _is_finished(path, about["config_hash"]):
         print(f"{settings.output}: finished before")
         return 0
+    clouds = study_clouds(settings.study, returns)  # first, since a study that is refused leaves what was there
     path.unlink(missing_ok=True)  # a study that is stopped half-way leaves nothing of an earlier one
     with Progress() as progress:
         bar = progress.add_task(f"{settings.grid.start}", total=None)
-        rows = study(settings.grid.start, settings.study, returns, lambda done, of: progress.update(bar, completed=done, total=of))
+        rows = study(settings.grid.start, settings.study, clouds, lambda done, of: progress.update(bar, completed=done, total=of))
     write_json(path, {"schema_version": SCHEMA_VERSION, "status": "ok", "failed": {}, "rows": rows, **about})
     print(f"Results: {path}")
     return 0
