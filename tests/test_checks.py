@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import torch
 
 from hilbertvae.checks import InputError, check_count, check_points, check_positive, check_share
 
@@ -27,6 +28,11 @@ def test_points_come_back_as_float64():
 def test_bad_points_are_named(points, options, message):
     with pytest.raises(InputError, match=message):
         check_points(points, "cloud", **options)
+
+
+def test_points_with_a_gradient_are_refused_as_torch_says():
+    with pytest.raises(InputError, match=r"cloud: expected an \(N, D\) array of numbers, got Tensor \(Can't call numpy"):
+        check_points(torch.ones((5, 2), requires_grad=True), "cloud")
 
 
 def test_no_points_where_none_are_allowed():

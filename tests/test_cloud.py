@@ -265,6 +265,10 @@ def test_single_precision_that_moves_walls_is_told(room, listed):
     (told,) = warnings_of(coarse, given[1])
     assert told.startswith("points: its coordinates, up to 400") and "which keeps them to 0.25 m" in told
     assert warnings_of(room.scans.points.astype(np.float32), room.scans.origins) == []
+    (told,) = warnings_of(given[0], (given[1] + 0.3).astype(np.float32))
+    assert told.startswith("origins: its coordinates, up to ")
+    (told,) = warnings_of((room.scans.points[:500] + 900).astype(np.float16), room.scans.origins[:500] + 900)
+    assert "half precision, which keeps them to 0.5 m" in told
 
 
 @pytest.mark.parametrize("empty", [[], np.array([]), np.empty((0, 2))])
@@ -280,7 +284,10 @@ def test_some_scans_may_be_empty(room, empty, place):
 def test_only_empty_scans_are_refused(room):
     with pytest.raises(InputError, match="scans: expected at least one return"):
         cloud_from_scans([np.empty((0, 2)), np.empty((0, 2))], np.zeros((2, 2)))
-    with pytest.raises(InputError, match="scans: expected at least one return"):
+    with pytest.raises(InputError, match="points: expected a return in at least one of 2 scans, got none"):
+        cloud_from_scans([[], []], np.zeros((2, 2)))
+    told = rf"max_range_m: expected beams shorter than 0.01 m, got none of {len(room.scans)}, the shortest with \d"
+    with pytest.raises(InputError, match=told):
         cloud_from_scans(room.scans.points, room.scans.origins, max_range_m=0.01)
 
 

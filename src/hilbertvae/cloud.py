@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hilbertvae.checks import InputError, check_cell_m, check_points, check_positive
-from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, warn_if_rounded, warn_of_long_beams, within_range
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, warn_of_long_beams, within_range
+from hilbertvae.scans.rounded import warn_if_rounded
 from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_votes import VoxelVotes, voxel_votes
 
@@ -88,7 +89,7 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
     origins: (S, D), where the sensor stood in each scan; with one array of points, (N, D) or one (D,) origin.
     resolution_m: 0.1 in 2D and 0.2 in 3D unless given. max_range_m: beams as long as this and longer are dropped; none unless given.
     Raises `InputError` for what does not fit together. A `UserWarning` says where coordinates can't be in metres, where a beam is longer
-    than any laser's, and where single precision has moved far coordinates by a part of a cell.
+    than any laser's, and where half or single precision has moved far coordinates by a part of a cell.
     """
     one = next((scan for scan in points if np.ndim(scan) == 2), None) if isinstance(points, (list, tuple)) else None
     if one is not None:
@@ -96,16 +97,20 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
         origins = check_points(origins, "origins", dimension=dimension)
         if len(origins) != len(points):
             raise InputError(f"origins: expected one per scan ({len(points)}), got {len(origins)}")
+        warn_if_rounded(origins, "origins")
         points = [np.empty((0, dimension)) if np.shape(p) == (0,) else p for p in points]  # an empty list has no second axis
         points = [check_points(p, f"points[{k}]", dimension=dimension, allow_empty=True) for k, p in enumerate(points)]
         scan = np.repeat(np.arange(len(points), dtype=np.int32), list(map(len, points)))
         points = np.concatenate(points)
         origins = origins[scan]
     else:
+        if isinstance(points, (list, tuple)) and len(points) and all(np.shape(scan) == (0,) for scan in points):
+            raise InputError(f"points: expected a return in at least one of {len(points)} scans, got none")
         points = check_points(points, "points")
         origins = check_points([origins] if np.ndim(origins) == 1 else origins, "origins", dimension=points.shape[1])
         if len(origins) not in (1, len(points)):
             raise InputError(f"origins: expected one, or one per point ({len(points)}), got {len(origins)}")
+        warn_if_rounded(origins, "origins")
         origins = np.broadcast_to(origins, points.shape)
         scan = np.zeros(len(points), np.int32)
     resolution_m = RESOLUTION_M[points.shape[1]] if resolution_m is None else check_cell_m(resolution_m, "resolution_m")
@@ -117,5 +122,8 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
     warn_of_long_beams(lengths, "points")
     if max_range_m is not None:
         kept = within_range(lengths, -1.0, check_positive(max_range_m, "max_range_m"))
+        if not kept.any():
+            shortest = f", the shortest with {lengths.min():.4g} m" if len(lengths) else ""
+            raise InputError(f"max_range_m: expected beams shorter than {max_range_m} m, got none of {len(lengths)}{shortest}")
         points, origins, scan = points[kept], origins[kept], scan[kept]
     return fit_cloud(Scans(points, origins, scan, np.arange(len(points), dtype=np.int32)), resolution_m)

@@ -90,6 +90,19 @@ def test_coordinates_come_out_as_they_went_in(tree, tmp_path, capsys):
     assert [line.rsplit(",", 3)[0] for line in capsys.readouterr().out.splitlines()[1:]] == lines
 
 
+@pytest.mark.parametrize("height", [0.0, 0.3])
+def test_a_third_coordinate_of_a_plan_is_left_out_with_a_word(folder, tmp_path, capsys, height):
+    """A plan's own PLY has zeros there; anything else may be a heading or a label."""
+    np.savetxt(tmp_path / "asked.csv", [[1, 2, height]] * 2, delimiter=",")
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert query.main([f"map={folder}", f"points={tmp_path / 'asked.csv'}"]) == 0
+    told = f"hilbertvae-query: {tmp_path / 'asked.csv'}: the map is a plan, so the third coordinate, 0.3 m, is left out\n"
+    assert capsys.readouterr().err == (told if height else "")
+    np.savetxt(tmp_path / "asked.csv", [[1, 2, height], [1, 2, height + 1]], delimiter=",")
+    assert query.main([f"map={folder}", f"points={tmp_path / 'asked.csv'}"]) == 2
+
+
 def test_a_warning_is_a_line(tree, tmp_path, monkeypatch, capsys):
     """As other commands' are, and not the source of whoever gave it."""
     np.savetxt(tmp_path / "asked.csv", np.zeros((1, 3)), delimiter=",")

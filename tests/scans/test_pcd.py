@@ -52,6 +52,16 @@ def test_other_fields_and_two_dimensions(tmp_path):
     np.testing.assert_array_equal(found.origins, [4, 5, 6])
 
 
+@pytest.mark.parametrize("row", [b"9 4 5 6", b"4.25 5.125"])
+def test_rows_of_other_numbers_than_fields_are_refused(tmp_path, row):
+    """Cut to the coordinates, each would have those of another point or field."""
+    told = "expected 3 numbers a point, as its fields say, found"
+    with pytest.raises(InputError, match=f"a.pcd: {told}"):
+        read_pcd(write(tmp_path, row + b"\n" + row + b"\n"))
+    with pytest.raises(InputError, match="a.pcd: can't be read as a PCD file"):
+        read_pcd(write(tmp_path, b"1 2 3\n" + row + b"\n"))
+
+
 @ENCODINGS
 def test_odd_comments_and_names_of_fields_are_read_past(tmp_path, encoding):
     """pypcd4 takes comments in UTF-8 alone, and names without marks."""

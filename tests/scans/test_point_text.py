@@ -35,6 +35,8 @@ from hilbertvae.scans.point_text import read_point_text
         ("GPS time\tx\ty\tz\tintensity\n\n# a note\n100.5\t1\t2\t3\t50 # good\n", [[1, 2, 3]]),
         ("# GPS time\tx\ty\tz\tintensity\n100.5\t1\t2\t3\t50\n", [[1, 2, 3]]),
         ("t\tx\ty\tz\n9 1 2 3\n", [[1, 2, 3]]),
+        ("x,y,z,i\n1,2,3,\n4,5,6,7\n", [[1, 2, 3], [4, 5, 6]]),
+        ("i,x,y,z\n,1,2,3\n4,5,6,7\n", [[1, 2, 3], [5, 6, 7]]),
     ],
 )
 def test_tables(tmp_path, text, expected):
@@ -61,10 +63,15 @@ def test_tables(tmp_path, text, expected):
         ("x y z\n", "expected lines of numbers, found none"),
         ("x\ty\tz\n# a note\n", "expected lines of numbers, found none"),
         ("x,y,z\n1,,3\n", "can't be read as a text file of points"),
-        ("x,y,z\n1,2\n", r"expected as many columns as its first line names, 3 \(x y z\), the rows have 2"),
-        ("x,y,z\n1,0.5,0.6,0.7\n", r"expected as many columns as its first line names, 3 \(x y z\), the rows have 4"),
-        ("x y z\n1 0.5 0.6 0.7\n", "the rows have 4"),  # as R writes it, with names of rows
-        ("Point ID X Y Z R\n7 0.5 0.6 0.7 9\n", "names, 6 .*, the rows have 5"),
+        ("x,y,z\n1,2\n", r"line 2: expected as many columns as its first line names, 3 \(x y z\), the row has 2"),
+        ("x,y,z\n1,0.5,0.6,0.7\n", r"line 2: expected as many columns as its first line names, 3 \(x y z\), the row has 4"),
+        ("x y z\n1 0.5 0.6 0.7\n", "the row has 4"),  # as R writes it, with names of rows
+        ("Point ID X Y Z R\n7 0.5 0.6 0.7 9\n", "names, 6 .*, the row has 5"),
+        ("x,y,z\n1,2,3\n17.5,4,5,6\n", "line 3: .* the row has 4"),  # times in front, from here on
+        ("# a log\nt,x,y,z\n0.1,1,2,3\n0.2,1,5,2,5,3,5\n", "line 4: .* the row has 7"),  # decimal commas
+        ("x,y,z,t\n1,2,3,.1\n\n4,5,6\n", "line 4: .* the row has 3"),
+        ("x y z\n1 2 3\n9 4 5 6 // c\n", "line 3: .* the row has 4"),
+        ("x\ty\tz\n1\t2\t3\n9\t4\t5\t6\n", "line 3: .* the row has 4"),
     ],
 )
 def test_bad_files_are_named(tmp_path, text, message):
@@ -102,7 +109,9 @@ def test_files_that_numpy_reads_by_itself_have_the_same_answers(tmp_path, monkey
         assert repr(found) == repr(expected), text
 
 
-@pytest.mark.parametrize("text", ["1 2 3\n4 5 6\n", "x,y,z\r\n1,2,3\r\n", "# t x y z\n\n9 1 2 3\n"])
+@pytest.mark.parametrize(
+    "text", ["1 2 3\n4 5 6\n", "x,y,z\r\n1,2,3\r\n", "x y z\n1 2 3\n\n", "x;y;z;\r\n1;2;3;\r\n4;5;6", "# t x y z\n\n9 1 2 3\n"]
+)
 def test_a_plain_file_is_left_to_numpy(tmp_path, monkeypatch, text):
     (tmp_path / "a.xyz").write_text(text, newline="")
     monkeypatch.setattr(point_text, "number_table", None)
@@ -115,6 +124,22 @@ def test_what_is_odd_is_seen_across_blocks(tmp_path, monkeypatch, block, odd):
     monkeypatch.setattr(point_text, "BLOCK", block)
     for place in range(4):
         (tmp_path / "a.xyz").write_text("1 2 3\r\n" + " " * place + odd + " 4\r\n", newline="")
-        assert point_text._plain_table(tmp_path / "a.xyz", None, None, 0) is None
+        assert point_text._plain_table(tmp_path / "a.xyz", None, None, 3, 0) is None
     (tmp_path / "a.xyz").write_text("1 2 3\r\n4 5 6\r\n", newline="")
-    assert point_text._plain_table(tmp_path / "a.xyz", None, None, 0).tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert point_text._plain_table(tmp_path / "a.xyz", None, None, 3, 0).tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize("block", [1, 5, 1000])
+def test_columns_are_counted_as_line_by_line(tmp_path, monkeypatch, block):
+    """`_has_columns` says yes to no file that has a row of others, and to all that are nothing but such rows."""
+    monkeypatch.setattr(point_text, "BLOCK", block)
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        mark = rng.choice([" ", ",", "\t"])
+        rows = [mark.join(["1"] * width) for width in rng.choice([3, 3, 3, 3, 3, 2, 4], rng.integers(1, 8))]
+        ends = ["" if mark == " " else mark * (rng.random() < 0.2) for _ in rows]
+        (tmp_path / "a.xyz").write_text("\n".join(row + end for row, end in zip(rows, ends, strict=True)) + "\n" * rng.integers(2))
+        with open(tmp_path / "a.xyz", "rb") as file:
+            found = point_text._has_columns(file, None if mark == " " else mark, 3)
+        widths = [row.count("1") + (row.count("1") < 3 and end != "") for row, end in zip(rows, ends, strict=True)]
+        assert found == (set(widths) == {3}), (rows, ends)

@@ -60,6 +60,30 @@ def test_headings_in_radians_may_wind_up(tmp_path, headings):
         read_poses(tmp_path / "poses.txt")
 
 
+@pytest.mark.parametrize(("form", "step"), [("%e", "1 m"), ("%g", "10 m")])
+def test_too_few_digits_of_far_places_are_told(tmp_path, form, step):
+    """As `%e` writes them, and as `std::cout` does unless told otherwise."""
+    poses = np.tile(np.eye(3, 4), (5, 1, 1))
+    poses[:, :, 3] = [500000.4, 5400000.4, 300.1] + np.arange(5.0)[:, None]
+    np.savetxt(tmp_path / "poses.txt", poses.reshape(-1, 12), form)
+    with pytest.warns(
+        UserWarning, match=f"poses.txt: its places, up to 5400.* m, have at most .* digits, which keep them to {step}; write"
+    ):
+        read_poses(tmp_path / "poses.txt")
+
+
+@pytest.mark.parametrize(
+    ("form", "place"), [("%.7e", 5400000.4), ("%.10g", 5400000.4), ("%e", 1234.5678), ("%g", 1234.5678), ("%e", 20000.0)]
+)
+def test_enough_digits_are_not(tmp_path, form, place):
+    poses = np.tile(np.eye(3, 4), (5, 1, 1))
+    poses[:, 0, 3] = place + 1000.0 * np.arange(5)
+    np.savetxt(tmp_path / "poses.txt", poses.reshape(-1, 12), form)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_poses(tmp_path / "poses.txt")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -28,6 +28,16 @@ def test_each_return_is_placed_by_its_own_pose(rows, dimension):
     assert len(whole) == len(wanted) and whole.scan.dtype == whole.beam.dtype == np.int32
 
 
+def test_the_coarsest_of_far_scans_is_told():
+    """Of scans that stations have in a grid of the land, each in float32; what their poses do is of float64."""
+    found, rng = ScanCollector(0.0, 1e9), np.random.default_rng(0)
+    for far_m in (5.0, 500_000.0, 100.0):
+        points = (far_m + rng.normal(size=(9, 3))).astype(np.float32).astype(float)
+        found.add(points, points + 1, np.arange(9), np.eye(4))
+    with pytest.warns(UserWarning, match="a: its coordinates, up to 50000. m, are in single precision, which keeps them to 0.031 m"):
+        found.warn("a")
+
+
 def test_beams_out_of_range_and_without_a_return_are_left_out():
     found = ScanCollector(0.5, 80.0)
     np.testing.assert_array_equal(found.within(np.array([0.5, 0.6, np.nan, 79.9, 80.0, np.inf])), [1, 3])

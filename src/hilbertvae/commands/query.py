@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from hilbertvae.commands.keywords import from_home, run_command
 from hilbertvae.files import atomic
 from hilbertvae.scans.planar import FLAT_M
 from hilbertvae.scans.point_files import read_points
+from hilbertvae.scans.rounded import warn_if_rounded
 
 ABOUT = "Ask a map that hilbertvae-map wrote for p(occupied) at any points; one line of text per point."
 
@@ -46,7 +48,10 @@ def run(settings: QuerySettings) -> None:
         _check_replaced(Path(settings.output), Path(settings.points), map_file)
     mapper = load_map(map_file)
     points = check_points(read_points(settings.points).points, settings.points)
-    if points.shape[1] == 3 and mapper.n_features_in_ == 2 and np.ptp(points[:, 2]) < FLAT_M:  # as a PLY of a plan has them
+    warn_if_rounded(points, settings.points)
+    if points.shape[1] == 3 and mapper.n_features_in_ == 2 and np.ptp(points[:, 2]) < FLAT_M:
+        if (height_m := points[0, 2]) != 0:  # of 0 as a PLY of a plan has it, `points.ply` among them
+            warnings.warn(f"{settings.points}: the map is a plan, so the third coordinate, {height_m:g} m, is left out", stacklevel=2)
         points = points[:, :2]
     if points.shape[1] != mapper.n_features_in_:
         raise InputError(f"{settings.points}: expected {mapper.n_features_in_} coordinates, as the map has, got {points.shape[1]}")

@@ -15,8 +15,6 @@ UNLIKE_OTHERS = 20.0
 """A beam that is so many times as long as half of the others, and longer than `LONGEST_BEAM_M`, is hardly a return."""
 MANY_ALIKE = 0.02
 """Of all ranges. Real logs, cut at 26 to 45 m, have their largest range in fewer than one of 10 000 beams."""
-ROUNDED_M = 0.025
-"""Single precision that is coarser moves walls: a quarter of the smallest cell that maps have unless told otherwise."""
 
 
 def beam_lengths(points: np.ndarray, origins: np.ndarray) -> np.ndarray:
@@ -104,12 +102,3 @@ def warn_of_long_beams(lengths: np.ndarray, path: str | os.PathLike) -> None:
     if many := np.count_nonzero(lengths > limit):
         text = f"{path}: {many} of {len(lengths)} beams are longer than {limit:.0f} m, up to {lengths.max():.6g} m; are they returns? "
         warnings.warn(f"{text}max_range_m drops them", stacklevel=3)
-
-
-def warn_if_rounded(points: np.ndarray, path: str | os.PathLike) -> None:
-    """A `UserWarning` where coordinates (N, D) that are all in single precision lie so far off (UTM) that walls are moved by it."""
-    far_m = float(np.abs(points).max(initial=0.0, where=np.isfinite(points)))
-    step_m = float(np.spacing(np.float32(far_m)))
-    if step_m > ROUNDED_M and (points == points.astype(np.float32))[np.isfinite(points)].all():
-        text = f"{path}: its coordinates, up to {far_m:.7g} m, are in single precision, which keeps them to {step_m:.2g} m"
-        warnings.warn(f"{text}; take an offset away before they are made float32, or keep float64", stacklevel=3)

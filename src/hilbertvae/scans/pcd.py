@@ -59,10 +59,12 @@ def _ascii(path: Path, file, header, names: list[str]) -> np.ndarray:
     if not header.points:
         return np.empty((0, len(names)))
     first = np.cumsum([0, *header.count])
-    rows = number_table(file, columns=[int(first[header.fields.index(name)]) for name in names], max_rows=header.points + 1)
+    rows = number_table(file, max_rows=header.points + 1)
     if len(rows) != header.points:
         raise InputError(f"{path}: truncated or forged; {header.points} points declared, {len(rows)} found")
-    return rows
+    if rows.shape[1] != first[-1]:  # x, y and z would be others'
+        raise InputError(f"{path}: expected {first[-1]} numbers a point, as its fields say, found {rows.shape[1]}")
+    return rows[:, [first[header.fields.index(name)] for name in names]]
 
 
 def _header_lines(file) -> tuple[list[str], bool]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, warn_if_rounded, within_range, without_zeros
+from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.e57 import read_e57
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, FilePoints, NoRows, check_reading
 from hilbertvae.scans.las import read_las
@@ -18,6 +18,7 @@ from hilbertvae.scans.npz import read_npz
 from hilbertvae.scans.pcd import read_pcd
 from hilbertvae.scans.ply import read_ply
 from hilbertvae.scans.point_text import read_point_text
+from hilbertvae.scans.rounded import warn_if_rounded
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.velodyne import read_velodyne
 
@@ -92,6 +93,8 @@ def read_point_file(
     unit.see(lengths)
     unit.warn(path)
     warn_if_rounded(points, path)
+    if found.origins is not None:
+        warn_if_rounded(found.origins, path, "origins")
     kept = within_range(lengths, min_range_m, max_range_m) & (scan % every == 0)
     if not kept.any():
         raise InputError(

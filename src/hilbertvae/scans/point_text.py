@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -59,16 +59,15 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
             coordinates = _commented_columns(comment, delimiter, len(fields)) or coordinates
         else:
             start, above = file.tell(), above + line.endswith(b"\n")
-            row = _first_row(file)
-            if delimiter is None and 0 < first.count(b"\t") == row.count(b"\t"):
+            if delimiter is None and 0 < first.count(b"\t") == _first_row(file).count(b"\t"):
                 delimiter = "\t"
                 fields = _fields(first, delimiter)
             columns = _named_columns(path, fields)
-            _check_row(path, row, delimiter, fields)
-        table = _plain_table(path, delimiter, columns, above)
+        table = _plain_table(path, delimiter, columns, len(fields), above)
         if table is None:
             file.seek(start)
-            lines = file if delimiter is None else (_filled(line, delimiter.encode(), len(fields)) for line in file)
+            lines = file if columns is None else _checked(path, file, delimiter, fields, above)
+            lines = lines if delimiter is None else (_filled(line, delimiter.encode(), len(fields)) for line in lines)
             table = number_table(lines, delimiter, columns)
         if not len(table):
             raise NoRows(f"{path}: expected lines of numbers, found none")
@@ -79,25 +78,31 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
 
 def _first_row(file) -> bytes:
     """The next line that has more than a comment, without that; empty at the end of the file."""
-    for line in iter(lambda: file.readline(MAX_LINE), b""):
-        if row := re.split(rb"#|//", line)[0].strip():
-            return row
-    return b""
+    return next((row for line in iter(lambda: file.readline(MAX_LINE), b"") if (row := _without_comment(line))), b"")
 
 
-def _check_row(path: Path, row: bytes, delimiter: str | None, names: list[str]) -> None:
-    """An `InputError` for a row of more or fewer columns than are named: x, y and z would be others'."""
-    is_blank = not row.strip((delimiter or " ").encode() + b" \t")  # no row at all, or a beam without a return
-    if not is_blank and (found := len(_fields(row, delimiter))) != len(names):
-        raise InputError(
-            f"{path}: expected as many columns as its first line names, {len(names)} ({' '.join(names)[:60]}), the rows have {found}"
-        )
+def _without_comment(line: bytes) -> bytes:
+    return (re.split(rb"#|//", line, maxsplit=1)[0] if b"#" in line or b"//" in line else line).strip()
 
 
-def _plain_table(path: Path, delimiter: str | None, columns: Sequence[int] | None, above: int) -> np.ndarray | None:
+def _checked(path: Path, lines: Iterable[bytes], delimiter: str | None, names: list[str], above: int) -> Iterator[bytes]:
+    """`lines` as they are; an `InputError` at a row of more or fewer columns than are named: x, y and z would be others'."""
+    empty = (delimiter or " ").encode() + b" \t"
+    for number, line in enumerate(lines, start=above + 1):
+        row = _without_comment(line)
+        found = row.count(delimiter.encode()) + 1 if delimiter else len(row.split())
+        found -= delimiter is not None and found > len(names) and row.endswith(delimiter.encode())
+        if found != len(names) and row.strip(empty):  # no row at all, or a beam without a return
+            wanted = f"as many columns as its first line names, {len(names)} ({' '.join(names)[:60]})"
+            raise InputError(f"{path}, line {number}: expected {wanted}, the row has {found}")
+        yield line
+
+
+def _plain_table(path: Path, delimiter: str | None, columns: Sequence[int] | None, count: int, above: int) -> np.ndarray | None:
     """`number_table` of a file below its first lines, in half the time, or None where rows need a closer look.
 
-    numpy reads a file by itself twice as fast as line by line, but then knows comments of one kind alone, and \\r as an end of lines.
+    numpy reads a file by itself twice as fast as line by line, but then knows comments of one kind alone, and \\r as an end of lines, and
+    where `columns` are chosen does not see that rows have others than `count`.
     """
     last = b""
     with open(path, "rb") as file:
@@ -106,12 +111,36 @@ def _plain_table(path: Path, delimiter: str | None, columns: Sequence[int] | Non
             if b"//" in seen or seen.removesuffix(b"\r").count(b"\r") != seen.count(b"\r\n"):
                 return None
             last = seen[-1:]
+        if columns is not None:
+            file.seek(0)
+            for _ in range(above):
+                file.readline()
+            if not _has_columns(file, delimiter, count):
+                return None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return np.loadtxt(str(path), np.float64, "#", delimiter, skiprows=above, usecols=columns, ndmin=2, encoding="latin1")
     except ValueError:
         return None
+
+
+def _has_columns(file, delimiter: str | None, count: int) -> bool:
+    """Whether all rows from here on have `count` columns, a delimiter at their end left out; False for comments, too."""
+    for block in iter(lambda: file.read(BLOCK) + file.readline(), b""):
+        seen = np.frombuffer(block.replace(b"\r\n", b"\n").removesuffix(b"\n") + b"\n", np.uint8)
+        ends = np.flatnonzero(seen == ord("\n"))
+        if delimiter is None:
+            blank = np.isin(seen, np.frombuffer(b" \t\n", np.uint8))
+            found = np.diff(np.searchsorted(np.flatnonzero(~blank & np.r_[True, blank[:-1]]), ends), prepend=0)
+        else:
+            marks = np.flatnonzero(seen == ord(delimiter))
+            found = np.diff(np.searchsorted(marks, ends), prepend=0) + 1
+            found -= (found > count) & (seen[ends - 1] == ord(delimiter))
+        empty = np.diff(ends, prepend=-1) == 1
+        if (found[~empty] != count).any():
+            return False
+    return True
 
 
 def _filled(line: bytes, delimiter: bytes, columns: int) -> bytes:

@@ -14,6 +14,7 @@ import numpy as np
 from hilbertvae.checks import InputError
 from hilbertvae.scans.file_points import reading
 from hilbertvae.scans.quaternions import rotation_matrices
+from hilbertvae.scans.rounded import few_digits
 
 RIGID = 1e-3
 """How far R R^T may be from 1, and a quaternion's length from 1: files are written with 6 digits and fewer."""
@@ -38,7 +39,8 @@ def read_timed_poses(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | 
 
     A line is a 3 x 4 matrix row by row, `t x y z qx qy qz qw`, or `x y heading` with the heading in radians from the x axis; all lines
     are of one kind. Empty lines and those that start with # are passed over. Raises `InputError` with the line's number for anything
-    else, and for a matrix or quaternion that is no rotation. Warns where times go back, and where headings look like degrees.
+    else, and for a matrix or quaternion that is no rotation. Warns where times go back, where headings look like degrees, and where
+    far places have too few digits.
     """
     path = Path(path)
     poses, times, headings, width, back = [], [], [], None, 0
@@ -73,6 +75,8 @@ def read_timed_poses(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | 
     if _in_degrees(np.array(headings)):
         most = max(headings, key=abs)
         warnings.warn(f"{path}: headings in radians are expected and go up to {most:.6g}, in big steps; are they degrees?", stacklevel=4)
+    if text := few_digits(np.array(poses)[:, :, 3]):
+        warnings.warn(f"{path}: {text}; write more digits, or take an offset away first", stacklevel=4)
     return np.array(poses), np.array(times) if times else None
 
 

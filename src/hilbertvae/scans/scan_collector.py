@@ -8,6 +8,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.beam_lengths import UnitCheck, within_range
+from hilbertvae.scans.rounded import RoundedCheck
 from hilbertvae.scans.scan import Scans
 
 
@@ -17,7 +18,7 @@ class ScanCollector:
 
     def __init__(self, min_range_m: float, max_range_m: float):
         self._range_m = min_range_m, max_range_m
-        self._unit = UnitCheck()
+        self._unit, self._rounded = UnitCheck(), RoundedCheck()
         self._parts: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
 
     def within(self, lengths: np.ndarray) -> np.ndarray:
@@ -28,13 +29,15 @@ class ScanCollector:
     def add(self, points: np.ndarray, starts: np.ndarray, kept: np.ndarray, pose: np.ndarray, dimension: int = 3) -> None:
         """The next scan: the returns at `kept (K,)` of `points` and `starts (N, 3)`, metres, sensor frame. pose: (3, 4) or (4, 4), from
         there to the map frame, of whose axes the first `dimension` stay."""
+        self._rounded.see(points[kept])
         turn, shift = pose[:3, :3].T, pose[:3, 3]
         placed = ((part[kept] @ turn + shift)[:, :dimension] for part in (points, starts))
         self._parts.append((*placed, np.full(len(kept), len(self), np.int32), kept.astype(np.int32)))
 
     def warn(self, path: str | os.PathLike) -> None:
-        """One warning where the beams of all scans, kept or not, can't be metres."""
+        """One warning where the beams of all scans, kept or not, can't be metres, and one where returns were rounded before they came."""
         self._unit.warn(path)
+        self._rounded.warn(path)
 
     def __len__(self) -> int:
         return len(self._parts)
