@@ -84,11 +84,16 @@ def test_how_weights_are_learned_counts_for_maps_that_learn_them(network, word):
     refuse_ignored(settings_of("mapper=[cvae-hm]"), [word])
 
 
-@pytest.mark.parametrize("word", ["flips=3", "neighbours=0", "weights=foo", "calibration=pixels", "device=hope"])
+@pytest.mark.parametrize("word", ["flips=3", "neighbours=0", "weights=foo", "calibration=pixels", "device=hope", "inner_radius_m=-1",
+                                  "inner_radius_m=9", "resolution_m=abc", "reconstructor=5", "reconstructor=[2d]",
+                                  "reconstructor=gone.safetensors", "reconstructor=3d"])  # fmt: skip
 def test_what_no_map_can_have_is_said_before_a_training(tmp_path, word):
     key, value = word.split("=")
-    settings = settings_of("debug=fast", f"output={tmp_path / 'run'}", "mapper=[cvae-hm]", f"++mapper.cvae-hm.{word}")
-    with pytest.raises(InputError, match=f"^mapper.cvae-hm.{key}: expected .*{value}"):
+    mappers = ["mapper=[cvae-hm,cvae-hm-points]", f"++mapper.cvae-hm.{word}"]  # the other one wants a training
+    settings = settings_of("debug=fast", f"output={tmp_path / 'run'}", *mappers)
+    with pytest.raises(
+        InputError, match=f"(?i)^mapper.cvae-hm.{key}: .*expected .*{value.strip('[]')}|^mapper.cvae-hm.{key}: {value}: no such"
+    ):
         run(settings)
     assert not (tmp_path / "run").exists()
 
@@ -128,8 +133,34 @@ def test_a_run_is_another_when_the_network_of_a_mapper_is(tmp_path):
 
 def test_a_mapper_s_network_that_is_not_there_is_named(tmp_path):
     settings = fast(tmp_path, "mapper=[cvae-hm]", f"mapper.cvae-hm.reconstructor={tmp_path}/gone.safetensors")
-    with pytest.raises(InputError, match="gone.safetensors: no such checkpoint"):
+    with pytest.raises(InputError, match="^mapper.cvae-hm.reconstructor: .*gone.safetensors: no such checkpoint"):
         run(settings)
+
+
+def test_raw_grids_lie_in_the_boxes_of_the_only_network_that_is_named(tmp_path, network):
+    """As they do in those of `checkpoint`, and as the result says."""
+    words = ["mapper=[cvae-hm,raw-grid-hm]", "+mapper.cvae-hm.weights=unit"]
+    for name, more in (("run", [f"mapper.cvae-hm.reconstructor={network}"]), ("given", [f"checkpoint={network}"])):
+        settings = fast(tmp_path, *words, *more)
+        settings.output = str(tmp_path / name)
+        assert run(settings) == 0
+    (named, about), (given, _) = (read_result(tmp_path / name / "result.json") for name in ("run", "given"))
+    assert named.scores == given.scores
+    assert about["config"]["grid"]["cells"] == tiny_reconstructor().grid.cells != settings.grid.cells
+
+
+def test_what_named_networks_bring_with_them_is_not_set_beside_them(network):
+    """As beside `checkpoint`, but where one is trained as well."""
+    alone = ["mapper=[cvae-hm,raw-grid-hm]", f"mapper.cvae-hm.reconstructor={network}"]
+    for word, why in (("trainer.learning_rate=7", "was trained before"), ("network=gated_wide", "has its own"), ("grid.cells=32", "has its own"),
+                      ("calibration_seeds=[7]", "has its map's weights")):  # fmt: skip
+        with pytest.raises(InputError, match=f"^{key_of(word)}: expected none beside mapper.cvae-hm.reconstructor=.*, which {why}"):
+            refuse_ignored(settings_of(*alone), [*alone, word])
+        refuse_ignored(settings_of("mapper=[cvae-hm,cvae-hm-points]", alone[1]), [word])
+    several = settings_of("mapper=[cvae-hm,cvae-hm-points]", alone[1], "mapper.cvae-hm-points.reconstructor=2d")
+    refuse_ignored(several, ["grid.cells=32"])  # of maps of raw grids
+    with pytest.raises(InputError, match="^network.latent: expected none beside"):
+        refuse_ignored(several, ["network.latent=3"])
 
 
 @pytest.mark.parametrize(("overrides", "expected"), [((), 0.1), (("dimension=3",), 0.2), (("dimension=3", "resolution_m=0.4"), 0.4)])

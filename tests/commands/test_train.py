@@ -22,7 +22,7 @@ from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reports.result_json import read_result
-from hilbertvae.training.scoring import give_networks
+from hilbertvae.training.given_networks import give_networks
 from toy_rooms import carmen_line, tiny_reconstructor, write_log
 
 pytestmark = pytest.mark.filterwarnings("ignore")

@@ -247,6 +247,7 @@ def test_a_site_without_room_for_enough_gaps_says_so():
 
 def test_times_are_kept(room):
     found = evaluate(ConstantMapper(), room, QUICK, "all").seconds["all"]
+    assert {stage: len(seconds) for stage, seconds in found.items()} == dict.fromkeys(("fit", "query_per_million"), len(QUICK.gap_seeds))
     assert len(found["fit"]) == 2 and all(value >= 0 for stage in found.values() for value in stage)
 
 

@@ -13,7 +13,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
 from hilbertvae.mappers.octomap_mapper import OctoMapMapper  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
 from hilbertvae.training.devices import filling_device, training_device  # noqa: E402
-from hilbertvae.training.scoring import give_networks  # noqa: E402
+from hilbertvae.training.given_networks import give_networks  # noqa: E402
 from hilbertvae.training.train import train  # noqa: E402
 from toy_rooms import tiny_reconstructor  # noqa: E402
 

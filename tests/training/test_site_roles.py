@@ -8,7 +8,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.files import path_sha256
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.scans.sites import CATALOGUE
-from hilbertvae.training.scoring import give_networks
+from hilbertvae.training.given_networks import give_networks
 from hilbertvae.training.site_roles import check_roles, check_unseen, many_simulated, own_sites, place
 from hilbertvae.training.train import train
 from toy_rooms import tiny_reconstructor

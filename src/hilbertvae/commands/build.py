@@ -12,6 +12,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.precision import check_device
+from hilbertvae.training.settings import TRAINED
 
 ALLOWED = "hilbertvae."
 
@@ -36,6 +37,9 @@ def _build_mapper(name: str, specification: dict) -> Mapper:
     if isinstance(mapper, HilbertMap):  # before a network is trained for it
         with _under(f"mapper.{name}"):
             mapper.check_settings()
+            if not (mapper.reconstructor is None or (isinstance(mapper.reconstructor, str) and mapper.reconstructor)):
+                wanted = f"{TRAINED}, a checkpoint's path or name, or null"
+                raise InputError(f"reconstructor: expected {wanted}, got {mapper.reconstructor!r}")
             if mapper.device != "auto":
                 check_device(mapper.device)
     return mapper

@@ -7,10 +7,12 @@ from collections.abc import Iterator
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from hilbertvae.checks import InputError
-from hilbertvae.training.settings import Settings
+from hilbertvae.training.settings import TRAINED, Settings
 
 OF_A_NETWORK = ("network", "grid", "start", "likelihood", "calibration_occupied_weight")
 """Settings that lie in the file of a network."""
+OF_RAW_GRIDS = ("grid", "start")
+"""Those that maps of raw grids take from the run, where it has no network, or several."""
 OF_ITS_WEIGHTS = ("validation_gap_m", "calibration_seeds", "data.calibrate")
 """Settings of how a map's weights are learned, which lie there too and count for maps that need others."""
 LEARN_ANEW = {"neighbours", "inner_radius_m", "resolution_m"}
@@ -22,18 +24,31 @@ OF_A_TRAINING_ALONE = ("trained", "data.simulated", "data.simulated_first", "dat
 
 
 def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
-    """An `InputError` for a setting, typed beside a `checkpoint`, of what that network brings with it: nothing would come of it."""
-    if settings.checkpoint is None:
+    """An `InputError` for a setting, typed beside a `checkpoint`, of what that network brings with it: nothing would come of it. So it is
+    where mappers name the networks, and none is trained."""
+    named = named_networks(settings)
+    own = f"checkpoint={settings.checkpoint}" if settings.checkpoint else next((f"{key}={path}" for key, path in named.items()), "")
+    trains = any(isinstance(mapper, dict) and mapper.get("reconstructor") == TRAINED for mapper in settings.mapper.values())
+    if not own or (trains and not settings.checkpoint):
         return
+    several = not settings.checkpoint and len({*named.values()}) > 1  # whose boxes maps of raw grids can't all have
     for key in _typed_keys(overrides):
+        if several and key.partition(".")[0] in OF_RAW_GRIDS:
+            continue
         if key.partition(".")[0] in OF_A_NETWORK:
             at_hand = "; `mapper.<name>.inner_radius_m` is a map's own" if key in ("start", "grid") or key.startswith("grid.") else ""
-            raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its own{at_hand}")
+            raise InputError(f"{key}: expected none beside {own}, which has its own{at_hand}")
         if (key.startswith(OF_A_TRAINING) and key not in OF_A_SCORING_TOO) or key in OF_A_TRAINING_ALONE:
-            raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which was trained before")
+            raise InputError(f"{key}: expected none beside {own}, which was trained before")
         if key in OF_ITS_WEIGHTS and not any(map(_learns_weights, settings.mapper.values())):
             anew = "they are learned anew for maps with `neighbours`, `inner_radius_m` or `resolution_m` of their own"
-            raise InputError(f"{key}: expected none beside checkpoint={settings.checkpoint}, which has its map's weights; {anew}")
+            raise InputError(f"{key}: expected none beside {own}, which has its map's weights; {anew}")
+
+
+def named_networks(settings: Settings) -> dict[str, str]:
+    """The networks that mappers name instead of taking the run's, by key."""
+    named = {f"mapper.{name}.reconstructor": one.get("reconstructor") for name, one in settings.mapper.items() if isinstance(one, dict)}
+    return {key: name for key, name in named.items() if isinstance(name, str) and name != TRAINED}
 
 
 def _typed_keys(overrides: list[str]) -> Iterator[str]:

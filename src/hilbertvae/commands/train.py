@@ -20,7 +20,7 @@ import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.commands.clustering_study import has_study, run_clustering, write_clustering_failure
 from hilbertvae.commands.gpus import give_gpus, remember_gpus, see_remembered_gpus
-from hilbertvae.commands.overrides import refuse_ignored
+from hilbertvae.commands.overrides import named_networks, refuse_ignored
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.networks import NETWORKS
 from hilbertvae.reconstruction.shipped import checkpoint_path
@@ -39,7 +39,7 @@ from hilbertvae.reports.run_state import (
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.signals import stopped_by_signals
 from hilbertvae.site import open_site, site_name
-from hilbertvae.training.settings import TRAINED, Settings
+from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import own_sites
 from hilbertvae.training.training_hash import training_hash
 
@@ -94,7 +94,8 @@ def run(settings: Settings, again: bool = True) -> int:
     from hilbertvae.commands.build import build_mappers
     from hilbertvae.reconstruction.reconstructor import Reconstructor
     from hilbertvae.reports.report import Report
-    from hilbertvae.training.scoring import needs_training, score
+    from hilbertvae.training.given_networks import load_named, needs_training
+    from hilbertvae.training.scoring import score
 
     mappers = build_mappers(settings.mapper)
     learned = {**dict.fromkeys(data.train, "train"), **dict.fromkeys(data.calibrate, "calibrate"), data.validate: "validate"}
@@ -102,19 +103,20 @@ def run(settings: Settings, again: bool = True) -> int:
     training = settings.checkpoint is None and (not mappers or needs_training(mappers))
     for reference in sites if training else data.test:
         settings.source().check(reference)
-    reconstructor = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
+    scored = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
+    mappers = load_named(settings, mappers, scored)
     if training:
         from hilbertvae.training.train import check_folder, first_rank, train
 
         check_folder(settings)
-    elif reconstructor and is_trained(settings.output) and not _is_its_own(settings):
+    elif scored and is_trained(settings.output) and not _is_its_own(settings):
         raise InputError(f"output: {settings.output} holds the training of another network than `checkpoint`; choose another `name`")
     if not again:  # late: a job that is refused leaves what was there
         forget(settings.output)
     config, identity = asdict(settings), _identity(settings)
-    named, scored = {*_named_networks(settings).values()}, reconstructor
-    if not scored and not training and len(named) == 1:
-        scored = Reconstructor.load(*named)
+    named = named_networks(settings)
+    if not scored and not training and len({*named.values()}) == 1:  # whose boxes those of raw grids are, too
+        scored = next(mapper.reconstructor for name, mapper in mappers.items() if f"mapper.{name}.reconstructor" in named)
     if scored:  # what was scored, not what another network would have had
         parts = {"network": scored.network_settings, "grid": scored.grid, "likelihood": scored.likelihood}
         config |= {name: asdict(part) for name, part in parts.items()}
@@ -137,7 +139,7 @@ def run(settings: Settings, again: bool = True) -> int:
         if not first_rank():
             return 0
     else:
-        score(settings, mappers, reconstructor, write)
+        score(settings, mappers, scored, write)
     return write.close()
 
 
@@ -152,7 +154,7 @@ def _identity(settings: Settings) -> dict:
 
 def _given(settings: Settings) -> dict[str, str]:
     """The hashes of the networks that a run takes instead of training one: its own, and those that mappers name."""
-    networks = {"checkpoint": settings.checkpoint, **_named_networks(settings)}
+    networks = {"checkpoint": settings.checkpoint, **named_networks(settings)}
     paths = {key: checkpoint_path(name) for key, name in networks.items() if name}
     return {key: file_sha256(path) for key, path in paths.items() if path.is_file()}  # one that is missing is named where it is loaded
 
@@ -161,12 +163,6 @@ def _is_its_own(settings: Settings) -> bool:
     """Whether the network to be scored is the one that was trained in the run's folder."""
     own = Path(settings.output) / "model.safetensors"
     return own.is_file() and file_sha256(own) == file_sha256(checkpoint_path(settings.checkpoint))
-
-
-def _named_networks(settings: Settings) -> dict[str, str]:
-    """The networks that mappers name instead of taking the run's, by key."""
-    named = {f"mapper.{name}.reconstructor": one.get("reconstructor") for name, one in settings.mapper.items() if isinstance(one, dict)}
-    return {key: name for key, name in named.items() if isinstance(name, str) and name != TRAINED}
 
 
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")

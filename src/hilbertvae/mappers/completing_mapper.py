@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_whole
+from hilbertvae.checks import InputError, check_cell_m, check_count, check_not_negative, check_positive, check_whole
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import NoRoom
 from hilbertvae.grids.aligned_grid import IndexedCloud
@@ -60,6 +60,10 @@ class CompletingMapper(Mapper):
             raise InputError(f"weights: expected unit, rank or cluster, got {self.weights!r}")
         if self.grid is not None and not isinstance(self.grid, GridSettings):
             raise InputError(f"grid: expected GridSettings or None, got {self.grid!r}")
+        if self.inner_radius_m is not None:
+            check_positive(self.inner_radius_m, "inner_radius_m")
+        if self.resolution_m is not None:
+            check_cell_m(self.resolution_m, "resolution_m")
         check_calibration(self.calibration)
         check_not_negative(self.ridge, "ridge")
         if self.weights == "cluster":  # nothing else decides the weight of a cluster that no query touches

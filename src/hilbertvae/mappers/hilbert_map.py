@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import expit
 from sklearn.utils.validation import check_is_fitted
 
-from hilbertvae.checks import InputError, check_cell_m
+from hilbertvae.checks import InputError
 from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.grids.cluster_grids import GridSettings, cloud_clusters, frames_of, voxel_grid
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernels
@@ -122,7 +122,7 @@ class HilbertMap(GrowingMapper):
         self.check_settings()
         self._check_adaptation()
         network_m = network.resolution_m if network else RESOLUTION_M[dimension]
-        resolution_m = network_m if self.resolution_m is None else check_cell_m(self.resolution_m, "resolution_m")
+        resolution_m = network_m if self.resolution_m is None else float(self.resolution_m)
         self.grid_ = self.grid or (network.grid if network else voxel_grid(resolution_m))
         if self.inner_radius_m is not None:
             self.grid_ = replace(self.grid_, inner_radius_m=self.inner_radius_m)

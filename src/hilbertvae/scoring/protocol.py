@@ -92,10 +92,11 @@ def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, p
             for mapper in others:
                 mapper.fit_as(first)
             for name, mapper in mappers.items():
+                asked = found[name].ask(mapper, case)
                 if case is cases[0]:  # maps of the gapped site: other cases have other points
                     found[name].seconds["fit"].append(taken)
+                    found[name].seconds["query_per_million"].append(asked)
                     _weigh(mapper, found[name].maps)
-                found[name].ask(mapper, case)
         if progress:
             for name, one in found.items():
                 f1, auc = (one.rows["voxels"]["gaps"][metric][-1] for metric in ("f1", "auc"))
@@ -124,14 +125,18 @@ class _Found:
     maps: dict = field(default_factory=lambda: defaultdict(list))
     curves: dict = field(default_factory=lambda: defaultdict(list))
 
-    def ask(self, mapper: Mapper, case: Case) -> None:
+    def ask(self, mapper: Mapper, case: Case) -> float:
+        """Scores the case; the seconds that a million of its queries take."""
+        taken = 0.0
         for reading, asked in case.asked.items():
-            probability = _ask(mapper, asked.points, self.seconds)
+            probability, seconds = _ask(mapper, asked.points)
+            taken += seconds
             for region, chosen in asked.regions.items():
                 for metric, value in score(asked.occupied[chosen], probability[chosen]).items():
                     self.rows[reading][region][metric].append(value)
                 if region == "gaps":
                     self.curves[reading].append(_curve(asked.occupied[chosen], probability[chosen]))
+        return taken / max(sum(len(asked.points) for asked in case.asked.values()), 1) * 1e6
 
     def scores(self) -> dict:
         return {reading: {region: dict(found) for region, found in regions.items()} for reading, regions in self.rows.items()}
@@ -158,14 +163,15 @@ def _weigh(mapper: Mapper, maps: dict) -> None:
         maps["clusters"].append(count)
 
 
-def _ask(mapper: Mapper, queries: np.ndarray, seconds: dict) -> np.ndarray:
+def _ask(mapper: Mapper, queries: np.ndarray) -> tuple[np.ndarray, float]:
+    """The mapper's answers, and the seconds that they took."""
     start = time.perf_counter()
     probability = mapper.predict_proba(queries)[:, 1]
-    seconds["query_per_million"].append((time.perf_counter() - start) / max(len(queries), 1) * 1e6)
+    taken = time.perf_counter() - start
     if not np.isfinite(probability).all():
         wrong = np.count_nonzero(~np.isfinite(probability))
         raise ValueError(f"{type(mapper).__name__} answered {wrong} of {len(queries)} queries with NaN")
-    return probability
+    return probability, taken
 
 
 def _curve(occupied: np.ndarray, probability: np.ndarray) -> list[float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,31 +10,23 @@ from functools import reduce
 import torch
 from joblib import Parallel, delayed
 
-from hilbertvae.checks import InputError
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.training_card import calibrated_on
-from hilbertvae.reports.mapper_names import without_sampling
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.protocol import alike, evaluate_all
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
-from hilbertvae.training.devices import filling_device
+from hilbertvae.training.given_networks import give_networks
 from hilbertvae.training.kept_scores import KeptScores, forget_scores
 from hilbertvae.training.learned_as import KEY, as_made, settings_of
 from hilbertvae.training.opened_sites import opened_site
-from hilbertvae.training.settings import TRAINED, Settings
+from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import check_unseen
 
 Writer = Callable[[Result, Site, dict[str, Mapper]], None]
-NOT_THERE = object()
-
-
-def needs_training(mappers: dict[str, Mapper]) -> bool:
-    """Whether any mapper takes the network of the run."""
-    return any(mapper.get_params(deep=False).get("reconstructor") == TRAINED for mapper in mappers.values())
 
 
 def use_threads(settings: Settings) -> None:
@@ -124,39 +115,3 @@ def _evaluate_some(settings: Settings, reference: str, mappers: dict[str, Mapper
     use_threads(settings)
     protocol = replace(settings.evaluation, gap_seeds=[seed])
     return evaluate_all(mappers, opened_site(reference, settings), protocol, print, KeptScores(settings, reference))
-
-
-def give_networks(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconstructor | None) -> dict[str, Mapper]:
-    """Copies of the mappers with their networks, and maps of raw grids with the grids of the run, under the names of their scores: who
-    trains several networks in turn gives each run the same mappers.
-
-    A network without sampling is no CVAE: what is configured as `cvae-...` for the network of the run is scored as `cae-...`.
-    """
-    given = {}
-    for name, mapper in mappers.items():
-        mapper = copy.copy(mapper)  # sklearn's clone would copy networks
-        if isinstance(mapper, HilbertMap):
-            if mapper.reconstructor == TRAINED:
-                if reconstructor is None:
-                    raise InputError(f"mapper.{name}: expected a trained network or `checkpoint`, got neither")
-                mapper.set_params(reconstructor=reconstructor)
-                if not getattr(reconstructor.network_settings, "variational", False):
-                    name = without_sampling(name)
-            elif isinstance(mapper.reconstructor, str):
-                mapper.set_params(reconstructor=Reconstructor.load(mapper.reconstructor))
-            elif mapper.reconstructor is None and mapper.grid is None:
-                of = reconstructor or settings
-                mapper.set_params(grid=of.grid, resolution_m=of.resolution_m if mapper.resolution_m is None else mapper.resolution_m)
-            if mapper.device == "auto":
-                mapper.set_params(device=filling_device(settings))
-            if mapper.reconstructor:
-                if mapper.resolution_m is None and mapper.reconstructor.resolution_m != settings.resolution_m:
-                    wanted = f"{mapper.reconstructor.resolution_m:g}, as the network of mapper.{name} was trained with"
-                    raise InputError(f"resolution_m: expected {wanted}, got {settings.resolution_m:g}")
-                check_unseen(settings.data.test, mapper.reconstructor.card, "data.test", f"the network of mapper.{name}")
-        elif mapper.get_params(deep=False).get("resolution_m", NOT_THERE) is None:
-            mapper.set_params(resolution_m=settings.resolution_m)
-        if name in given:
-            raise InputError(f"mapper.{name}: expected one mapper of that name; a network without sampling gives a `cvae-...` row this one")
-        given[name] = mapper
-    return given
