@@ -113,6 +113,16 @@ def test_weights_of_a_map_may_be_learned_on_several_sites(folder, trained, monke
     assert "--calibrate: aces is among what the network was trained on" in capsys.readouterr().err
 
 
+def test_of_several_sites_fewer_gap_seeds_may_do(folder, trained, monkeypatch, capsys):
+    learned, learn = [], ship.learn_rank_weights
+    monkeypatch.setattr(ship, "learn_rank_weights", lambda *given, **how: (learned.append(how["seeds"]), learn(*given, **how))[1])
+    assert main(["2d", "--checkpoint", str(trained), "--calibration-seeds", "7", "8"]) == 0
+    assert learned == [[7, 8]] and Reconstructor.load("2d").card[KEY]["calibration_seeds"] == [7, 8]
+    assert main(["2d", "--checkpoint", "2d"]) == 0 and learned[1] == [7, 8]  # as its card says
+    assert main(["2d", "--checkpoint", str(trained), "--calibration-seeds", "7", "7"]) == 2
+    assert "--calibration-seeds: expected one or more different seeds from 0 on, got [7, 7]" in capsys.readouterr().err
+
+
 def test_simulated_sites_are_made_as_in_the_training(folder, tmp_path, monkeypatch, room, capsys):
     told = Settings(data=DataSettings(simulated_scans=20), validation_gap_m=1.5, calibration_seeds=[7])
     sources, learned = [], []

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_seeds
 from hilbertvae.files import atomic
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.weights import check_occupied_weight, occupied_weight_of
@@ -22,7 +22,7 @@ from hilbertvae.reconstruction.training_card import calibrated_on
 from hilbertvae.reports.card import card_text
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.site import open_site
-from hilbertvae.training.learned_as import KEY, settings_of
+from hilbertvae.training.learned_as import KEY, learned_as, settings_of
 from hilbertvae.training.site_roles import check_unseen
 
 
@@ -34,6 +34,7 @@ def ship(
     mean: bool = False,
     calibrate: Sequence[str] = (),
     occupied_weight: float | None = None,
+    calibration_seeds: Sequence[int] = (),
 ) -> Path:
     """Pack the network of `checkpoint`, learn its map's weights with it as packed, and write it where `load_mapper(name)` looks.
 
@@ -41,10 +42,12 @@ def ship(
     are read between cells, whatever its training had. mean: take the mean of its weights and those of the network that is shipped as
     `name` now, from which it was trained on. calibrate: the sites that the map's weights are learned on, if not those of its training.
     occupied_weight: what an occupied point counts for in the weights for points, which says where the cuts lie between precision and
-    recall; as in those that the checkpoint has, unless given. Simulated sites are made, and gaps cut, as in its training, if its card says
-    how; else as by default."""
+    recall; as in those that the checkpoint has, unless given. calibration_seeds: the gap seeds that they are learned with, of several sites
+    fewer than of one. Else simulated sites are made, and gaps cut, as in its training, if its card says how; if not, as by default."""
     if occupied_weight is not None:
         check_occupied_weight(occupied_weight, "--occupied-weight")
+    if calibration_seeds:
+        check_seeds(list(calibration_seeds), "--calibration-seeds")
     trained = Reconstructor.load(checkpoint)
     counted = {"occupied_weight": occupied_weight or occupied_weight_of(trained.map_weights)}
     if mean:
@@ -53,12 +56,14 @@ def ship(
         trained = replace(trained, grid=replace(trained.grid, frame=replace(trained.grid.frame, rotation=rotation)))
     if interpolated:
         trained = replace(trained, grid=replace(trained.grid, interpolated=True))
-    known = settings_of(trained.card, trained.dimension)
+    known, how = settings_of(trained.card, trained.dimension), "as in its training" if KEY in trained.card else "by defaults"
+    if calibration_seeds:
+        known = replace(known, calibration_seeds=list(calibration_seeds))
+        trained = replace(trained, card={**trained.card, KEY: learned_as(known)})
     with tempfile.TemporaryDirectory() as folder:
         packed = Reconstructor.load(replace(trained, map_weights={}).save(Path(folder) / "packed.safetensors", packed=True))
     references = list(calibrate) or calibrated_on(trained.card)
     check_unseen(references, trained.card, "--calibrate", "the network")
-    how = "as in its training" if KEY in trained.card else "by defaults"
     print(f"{name}: its map's weights are learned on {', '.join(references)}, {how}")
     sites = [open_site(reference, trained.resolution_m, known.source()) for reference in references]
     mapper = HilbertMap(packed)
@@ -88,11 +93,14 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument(
         "--occupied-weight", type=float, help="what an occupied point counts for in weights for points, if not as in the checkpoint's own"
     )
+    parser.add_argument(
+        "--calibration-seeds", nargs="+", type=int, default=[], help="gap seeds that they are learned with, if not as in its training"
+    )
     parser.add_argument("--results", type=Path, nargs="*", default=[], help="result.json files that scored it, for its card")
     given = parser.parse_args(words)
     try:
         if given.checkpoint:
-            how = (given.rotation, given.interpolated, given.mean, given.calibrate, given.occupied_weight)
+            how = (given.rotation, given.interpolated, given.mean, given.calibrate, given.occupied_weight, given.calibration_seeds)
             print(ship(given.checkpoint, given.name, *how))
         print(write_card(given.name, given.results))
     except (InputError, OSError) as error:
