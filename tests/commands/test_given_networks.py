@@ -152,8 +152,8 @@ def test_raw_grids_lie_in_the_boxes_of_the_only_network_that_is_named(tmp_path, 
 def test_what_named_networks_bring_with_them_is_not_set_beside_them(network):
     """As beside `checkpoint`, but where one is trained as well."""
     alone = ["mapper=[cvae-hm,raw-grid-hm]", f"mapper.cvae-hm.reconstructor={network}"]
-    for word, why in (("trainer.learning_rate=7", "was trained before"), ("network=gated_wide", "has its own"), ("grid.cells=32", "has its own"),
-                      ("calibration_seeds=[7]", "has its map's weights")):  # fmt: skip
+    said = {"trainer.learning_rate=7": "was trained before", "network=gated_wide": "has its own", "grid.cells=32": "has its own"}
+    for word, why in (said | {"calibration_seeds=[7]": "has its map's weights"}).items():
         with pytest.raises(InputError, match=f"^{key_of(word)}: expected none beside mapper.cvae-hm.reconstructor=.*, which {why}"):
             refuse_ignored(settings_of(*alone), [*alone, word])
         refuse_ignored(settings_of("mapper=[cvae-hm,cvae-hm-points]", alone[1]), [word])
