@@ -227,6 +227,7 @@ class TestErrors:
             (["data.simulated=1", "seed=-1"], "seed"),
             (["data.simulated=1", "data.processes=-1"], "data.processes"),
             (["data.simulated=1", "data.simulated_scans=0"], "data.simulated_scans"),
+            (["data.street.scans=0"], "^data.street.scans"),
         ],
     )
     def test_a_value_that_makes_no_run_names_its_key(self, overrides, key):

@@ -64,7 +64,10 @@ for kind, (schema, _) in NETWORKS.items():
 
 def to_settings(config: DictConfig) -> Settings:
     """The configuration as plain dataclasses, checked."""
-    settings = OmegaConf.to_object(config)
+    try:
+        settings = OmegaConf.to_object(config)
+    except InputError as error:  # of a street, which is complete when it is made, and does not know where it lies
+        raise InputError(f"data.{error}" if str(error).startswith("street.") else str(error)) from error
     _refuse_unknown(settings, "")
     settings.check()
     return settings

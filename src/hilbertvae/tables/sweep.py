@@ -194,6 +194,8 @@ def _run(path: Path, name: str) -> Run:
     match = JOB.fullmatch(name.split("/")[0])
     case = about["config"].get("case") or case_of(name.split("/")[0])
     seed = about["config"].get("seed", int(match["seed"]) if match else None)
+    if about["config"].get("checkpoint"):  # the network's own: one that is scored three times was trained once
+        seed = _below(about, "seeds.training", seed)
     if result.scores:  # of a job that broke, settings may never have been found
         if not isinstance(case, str):
             raise InputError(f"{path}: config.case: expected text, got {case!r:.60}")
@@ -217,7 +219,8 @@ def grouped(runs: Iterable[Run], key: Callable[[Run], Hashable]) -> dict[Any, di
     for run in runs:
         group = groups.setdefault(key(run), {})
         if run.seed in group:
-            raise InputError(f"{run.path}: config.seed: {run.seed} of the same row is also in {group[run.seed].path}")
+            key = "seeds.training" if run.config("checkpoint") else "config.seed"
+            raise InputError(f"{run.path}: {key}: {run.seed} of the same row is also in {group[run.seed].path}")
         if group:
             check_same_recipe(run, next(iter(group.values())))
         group[run.seed] = run
