@@ -37,6 +37,8 @@ from hilbertvae.scans.point_text import read_point_text
         ("t\tx\ty\tz\n9 1 2 3\n", [[1, 2, 3]]),
         ("x,y,z,i\n1,2,3,\n4,5,6,7\n", [[1, 2, 3], [4, 5, 6]]),
         ("i,x,y,z\n,1,2,3\n4,5,6,7\n", [[1, 2, 3], [5, 6, 7]]),
+        ("i\tx\ty\tz\tw\n9\t1\t2\t3\t\n\t5\t6\t7\t8\n", [[1, 2, 3], [5, 6, 7]]),
+        ("i\tx\ty\tz\tw\n9\t1\t2\t3\t\n\t5\t6\t7\t8 // c\n\t\t\t\t\n", [[1, 2, 3], [5, 6, 7], [np.nan] * 3]),
     ],
 )
 def test_tables(tmp_path, text, expected):

@@ -18,6 +18,8 @@ MAX_LINE = 65536
 BLOCK = 2**20
 """Bytes that are looked through at a time."""
 COMMENTS = ("#", "//")
+MARGIN = b" \r\n"
+"""What is around a row. Tabs may be its delimiters, and then stand beside an empty column."""
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -78,11 +80,11 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
 
 def _first_row(file) -> bytes:
     """The next line that has more than a comment, without that; empty at the end of the file."""
-    return next((row for line in iter(lambda: file.readline(MAX_LINE), b"") if (row := _without_comment(line))), b"")
+    return next((row for line in iter(lambda: file.readline(MAX_LINE), b"") if (row := _without_comment(line)).strip()), b"")
 
 
 def _without_comment(line: bytes) -> bytes:
-    return (re.split(rb"#|//", line, maxsplit=1)[0] if b"#" in line or b"//" in line else line).strip()
+    return (re.split(rb"#|//", line, maxsplit=1)[0] if b"#" in line or b"//" in line else line).strip(MARGIN)
 
 
 def _checked(path: Path, lines: Iterable[bytes], delimiter: str | None, names: list[str], above: int) -> Iterator[bytes]:
@@ -146,7 +148,7 @@ def _has_columns(file, delimiter: str | None, count: int) -> bool:
 def _filled(line: bytes, delimiter: bytes, columns: int) -> bytes:
     """A row as numpy takes it. Spreadsheets end rows with a delimiter, which would be one more column, and tables leave NaN empty; a row
     that is empty in part is a damaged one."""
-    line = line.strip()
+    line = line.strip(MARGIN)
     if line.startswith(delimiter) and not line.strip(delimiter + b" \t"):
         return delimiter.join([b"nan"] * columns)
     return line.removesuffix(delimiter)
