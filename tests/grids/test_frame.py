@@ -160,6 +160,15 @@ def test_a_turned_site_has_turned_frames():
     np.testing.assert_allclose(turn.T @ plain.rotation[0], other.rotation[0], atol=1e-9)
 
 
+@pytest.mark.parametrize("cells", [15, 16])
+def test_a_cell_of_an_unturned_box_is_a_voxel_whatever_their_number(place, cells):
+    """No side of a cell runs through a voxel: the box begins at a corner of the lattice."""
+    diameter_m = cells * 0.2
+    frames = cluster_frames(clusters_of(place.fit, 0), place.fit, diameter_m, 0.2, FrameSettings("seed", "none", "fixed"))
+    corners = (frames.centre - diameter_m / 2) / 0.2
+    np.testing.assert_allclose(corners, np.round(corners), atol=1e-6)
+
+
 def test_unturned_boxes_lie_on_the_lattice(place):
     frames = frames_of(place.fit, "seed", "none", "fixed", snap_m=0.2)
     low, high = frames.boxes()

@@ -3,6 +3,7 @@
 import os
 import pickle
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -336,3 +337,46 @@ def test_free_space_of_another_storey_turns_no_box():
     found = Clusters(mapper.seeds_, search_tree(cloud.points[cloud.occupied]), grid.cluster_diameter_m / 2)
     assert mapper.cluster_count() > 5
     np.testing.assert_allclose(mapper.frames_.rotation, frames_of(found, cloud, grid).rotation, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("rotation", ["none", "spread"])
+@pytest.mark.parametrize("coarser", [1, 2])
+def test_a_scan_that_says_nothing_new_changes_nothing(place, rotation, coarser):
+    """Also where `fit` was given points finer than voxels, of which a map keeps one a voxel."""
+    scans, rng = place.scans, np.random.default_rng(0)
+    share = rng.uniform(0.1, 0.9, (len(scans), 1))
+    points = np.concatenate([scans.points, scans.origins + share * (scans.points - scans.origins)])
+    occupied, grid = np.arange(len(points)) < len(scans), tiny_grid(place.dimension)
+    grid = replace(grid, frame=FrameSettings("seed", rotation, "fixed"))
+    mapper = HilbertMap(weights="unit", grid=grid, resolution_m=coarser * place.resolution_m).fit(points, occupied)
+    before = mapper.grids_.copy()
+    mapper.partial_fit(points[:1], occupied[:1], np.full(1, 1e-6))
+    assert len(before) == len(mapper.grids_) and np.count_nonzero(before != mapper.grids_) <= 1e-4 * before.size
+
+
+def test_another_network_than_the_map_s_is_refused_before_anything_is_altered(place):
+    first, other = network(place.dimension), network(place.dimension, seed=1)
+    mapper, queries = HilbertMap(first), queries_of(place)
+    start, scan, *_ = clouds(place)
+    add(mapper, start)
+    add(mapper, scan, reconstruct=False)
+    twin = pickle.loads(pickle.dumps(mapper))
+    for changed in (other, None):
+        mapper.set_params(reconstructor=changed)
+        with pytest.raises(InputError, match="reconstructor: expected the one that the map's grids are of for partial_fit"):
+            add(mapper, scan)
+    # What was still to be reconstructed is so by the map's own network.
+    for ours, theirs in zip(answers(mapper, queries), answers(twin, queries), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    add(mapper.set_params(reconstructor=first), scan)
+    for ours, theirs in zip(answers(mapper, queries), answers(add(twin, scan), queries), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_how_likely_a_place_is_known_is_a_probability_between_cells(place):
+    made = network(place.dimension)
+    made.grid.interpolated = True
+    mapper = HilbertMap(made).fit(place.fit.points, place.fit.occupied, place.fit.weight)
+    mapper.known_[:] = 255
+    found = mapper.known(queries_of(place, 4000))
+    assert found.max() == 1.0 and found.min() >= 0.0

@@ -30,6 +30,11 @@ def test_a_name_is_no_network(room):
         HilbertMap("2d").fit(room.fit.points, room.fit.occupied)
 
 
+def test_a_map_without_anything_that_answers_is_refused(room):
+    with pytest.raises(InputError, match="evidence: expected True without fill, where nothing else answers"):
+        fit(HilbertMap(grid=tiny_grid(), fill=False, evidence=False), room.fit)
+
+
 def test_masked_values_are_refused(room):
     """Behind their masks they would count as any other."""
     mapper, points, occupied = fit(HilbertMap(grid=tiny_grid()), room.fit), room.fit.points, room.fit.occupied

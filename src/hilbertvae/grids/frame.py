@@ -88,7 +88,8 @@ class FrameSettings:
 def cluster_frames(clusters: Clusters, cloud: Cloud, diameter_m: float, snap_m: float, settings: FrameSettings) -> Frames:
     """The frames of `clusters`, whose members index the occupied points of `cloud`.
 
-    An unturned box of fixed scale is moved onto the lattice of `snap_m` cells, so that one cell of it is one voxel of the map.
+    An unturned box of fixed scale is moved onto the lattice of `snap_m` cells, so that one cell of it is one voxel of the map: its middle
+    is a corner of the lattice, or that of a cell where it has an odd number of them.
     """
     returns = cloud.points[cloud.occupied]
     centre = CENTRES[settings.centre](clusters, returns)
@@ -96,7 +97,8 @@ def cluster_frames(clusters: Clusters, cloud: Cloud, diameter_m: float, snap_m: 
     scale = SCALES[settings.scale](clusters, returns, centre, rotation, diameter_m)
     frames = Frames(centre, rotation, scale)
     if settings.scale == "fixed" and settings.rotation == "none":
-        frames = Frames(np.round(centre / snap_m) * snap_m, rotation, scale)
+        inner = 0.5 * (round(diameter_m / snap_m) % 2)
+        frames = Frames((np.round(centre / snap_m - inner) + inner) * snap_m, rotation, scale)
     return frames
 
 

@@ -31,8 +31,10 @@ BATCH, BATCH_CELLS = 64, 2**21
 
 
 class CompletingMapper(Mapper):
-    """Base of `GrowingMapper`. `adapted_` is the network after it learned from the site, or None; a loaded map has none."""
+    """Base of `GrowingMapper`. `completes_` is the network that the map's grids are of, whatever is set since, and `adapted_` what it
+    became when it learned from the site, or None; a loaded map has none."""
 
+    completes_: Reconstructor | None = None
     adapted_: Reconstructor | None = None
     progress: Callable[[int, int], None] | None = None
     """Called while grids are completed, with how many are done, and how many there are; no setting, since it changes nothing."""
@@ -79,10 +81,17 @@ class CompletingMapper(Mapper):
         for name in ("evidence", "fill"):
             if not isinstance(value := getattr(self, name), (bool, np.bool_)):
                 raise InputError(f"{name}: expected True or False, got {value!r}")
+        if not (self.fill or self.evidence):
+            raise InputError("evidence: expected True without fill, where nothing else answers")
 
     @property
     def detailed_(self) -> bool:
-        return self.reconstructor is not None and self.reconstructor.detailed  # more of each cell than its label
+        return self.completes_ is not None and self.completes_.detailed  # more of each cell than its label
+
+    def _as_kept(self, cloud: Cloud) -> Cloud:
+        """The cloud, or as the map keeps it, one point a voxel and label, where that is less: boxes that a later scan touches are made anew
+        from that, and they alone would lose what is finer."""
+        return self.evidence_.cloud() if self.evidence_.point_count() < len(cloud) else cloud
 
     def _complete_boxes(self, cloud: Cloud, frames: Frames) -> Completion:
         """What the network makes of the cloud in the boxes of `frames`."""
@@ -112,7 +121,7 @@ class CompletingMapper(Mapper):
             yield chosen, self._complete(bin_shown(cloud_in(boxes), boxes, self.grid_, self.detailed_), report)
 
     def _complete(self, grids: np.ndarray, progress: Callable[[int, int], None] | None = None) -> Completion:
-        network = self.adapted_ or self.reconstructor
+        network = self.adapted_ or self.completes_
         if network is None:
             return Completion(grids, None)
         batch = self._batch(network.dimension)

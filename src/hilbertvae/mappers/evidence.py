@@ -216,6 +216,10 @@ class Evidence:
         mean = np.stack([axis[rows] for axis in self.hit_mean], axis=1)
         return (self.bricks.indices(self.places[rows]) + mean.astype(float)) * self.resolution_m
 
+    def point_count(self) -> int:
+        """How many points the cloud of all that was observed has."""
+        return int(np.count_nonzero(self.hits) + np.count_nonzero(self.frees))
+
     def cloud(self, low: np.ndarray | None = None, high: np.ndarray | None = None) -> Cloud:
         """All that was observed, or that in the boxes from `low (B, D)` to `high (B, D)`, metres, and some of what lies beside them.
 

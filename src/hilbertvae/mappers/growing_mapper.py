@@ -38,6 +38,8 @@ class GrowingMapper(CompletingMapper):
         if not getattr(self, "fills_", self.fill):  # a setting changed since takes effect with the next fit
             raise InputError("fill: expected a map that fills gaps for partial_fit; fit one without grids on all scans")
         first = not hasattr(self, "grids_")
+        if not first and self.reconstructor is not self.completes_:
+            raise InputError("reconstructor: expected the one that the map's grids are of for partial_fit; fit the map anew with another")
         if first and self.adapt_steps:
             raise InputError("adapt_steps: expected 0 to begin a map with partial_fit; only fit has a site to learn from")
         with self._restored_on_failure() if first else nullcontext():  # later scans are refused before anything is altered

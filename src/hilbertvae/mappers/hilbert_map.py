@@ -95,6 +95,7 @@ class HilbertMap(GrowingMapper):
             self._start_without_clusters(cloud)
             return
         self._start(cloud)
+        cloud = self._as_kept(cloud)
         if self.adapt_steps:
             self.adapted_ = self._adapt(cloud)
         clusters = cloud_clusters(cloud, self.grid_, self.seed)
@@ -121,8 +122,7 @@ class HilbertMap(GrowingMapper):
         self.flips_ = FLIPS[dimension] if self.flips is None else self.flips
         self.check_settings()
         self._check_adaptation()
-        network_m = network.resolution_m if network else RESOLUTION_M[dimension]
-        resolution_m = network_m if self.resolution_m is None else float(self.resolution_m)
+        resolution_m = float(self.resolution_m or (network.resolution_m if network else RESOLUTION_M[dimension]))
         self.grid_ = self.grid or (network.grid if network else voxel_grid(resolution_m))
         if self.inner_radius_m is not None:
             self.grid_ = replace(self.grid_, inner_radius_m=self.inner_radius_m)
@@ -130,7 +130,7 @@ class HilbertMap(GrowingMapper):
         self.evidence_ = Evidence(cloud.points, cloud.occupied, cloud.weight, resolution_m)
         self.evidence_joins_, self.fills_ = bool(self.evidence), bool(self.fill)
         self.rank_weights_ = self._rank_weights()
-        self.small_seeds_ = self._growing = self.adapted_ = None
+        self.completes_, self.adapted_, self.small_seeds_, self._growing = network, None, None, None
 
     def _rank_weights(self) -> RankWeights:
         learned = self.reconstructor.map_weights if self.reconstructor else {}
@@ -241,7 +241,7 @@ class HilbertMap(GrowingMapper):
     def _known_or_seen(self, voxel, holding, said):
         """The mean over the boxes that hold a query; 1 in any box of a network that does not say, and 0 outside of all."""
         held = (holding != NONE).sum(axis=1)
-        known = said[0].sum(axis=1) / (255 * np.maximum(held, 1)) if said else (held > 0).astype(np.float32)
+        known = np.minimum(said[0].sum(axis=1) / (255 * np.maximum(held, 1)), 1.0) if said else (held > 0).astype(np.float32)
         return np.where(voxel != NONE, 1.0, known)
 
     def observed(self, queries) -> np.ndarray:

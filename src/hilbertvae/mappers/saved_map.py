@@ -52,7 +52,7 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
     except InputError as error:
         raise InputError(f"{path}: a setting was changed after the map was made, so that it could not be read back; {error}") from error
     mapper.settle()
-    network = mapper.adapted_ or mapper.reconstructor
+    network = mapper.adapted_ or mapper.completes_
     described = {
         "mapper": {
             **{name: getattr(mapper, name) for name in SETTINGS},
@@ -128,7 +128,7 @@ def _restored(described: dict, arrays: dict[str, np.ndarray], network: RecordedN
     dimension = described["dimension"]
     if dimension not in (2, 3) or not isinstance(dimension, int):
         raise InputError(f"dimension: expected 2 or 3, got {str(dimension)[:40]}")
-    mapper.evidence_joins_, mapper.fills_ = mapper.evidence, mapper.fill
+    mapper.evidence_joins_, mapper.fills_, mapper.completes_ = mapper.evidence, mapper.fill, network
     mapper.grid_, mapper.flips_ = GridSettings.from_plain(described["grid"]), described["flips"]
     mapper.check_settings()
     evidence = {name.removeprefix(EVIDENCE): array for name, array in arrays.items() if name.startswith(EVIDENCE)}
