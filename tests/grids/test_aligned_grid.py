@@ -79,6 +79,29 @@ def test_points_on_lattice_planes_fall_into_the_upper_cell():
     np.testing.assert_array_equal(cell[:8], 8 * np.arange(8))
 
 
+@pytest.mark.parametrize("cells", [16, 64])
+@pytest.mark.parametrize("origin", [(0, 0, 0), (5_000_000, 40_000_000, 3200)], ids=["near", "map grid"])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_voxel_centres_in_boxes_about_voxel_centres(dimension, origin, cells):
+    """Each side of a cell then runs through centres, and by integers it is plain which cell, and which box, has which, also where
+    coordinates are those of a map grid."""
+    rng, voxel_m, half = np.random.default_rng(0), 0.1, cells // 2
+    index = np.unique(rng.integers(-half - 3, half + 3, (4000, dimension)), axis=0) + np.array(origin[:dimension])
+    seeds = np.array(origin[:dimension]) + rng.integers(-3, 4, (12, dimension))
+    cloud = Cloud((index + 0.5) * voxel_m, rng.random(len(index)) < 0.5, np.ones(len(index)))
+    frames = Frames((seeds + 0.5) * voxel_m, np.tile(np.eye(dimension), (12, 1, 1)), np.full(12, cells * voxel_m))
+    expected = np.zeros((2, 12, *(cells,) * dimension))
+    for m, seed in enumerate(seeds):
+        cell = index - seed + half
+        inside = ((cell >= 0) & (cell < cells)).all(axis=1)
+        expected[(cloud.occupied[inside].astype(int), m, *cell[inside].T)] += 1
+    for found, wanted in zip(bin_points(cloud, frames, cells), expected[::-1], strict=True):
+        np.testing.assert_array_equal(found, wanted)
+    places = bin_places(cloud, frames, cells)
+    returns = np.broadcast_to(expected[1][:, None] > 0, places.shape)
+    assert (places[returns] == -PLACE_STEPS // 2).all() and not places[~returns].any()  # at the lower corner of their cells
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_nothing_to_bin(dimension):
     frames = random_frames(np.random.default_rng(0), 3, dimension, False)

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hilbertvae.grids.aligned_grid import cell_index
 from hilbertvae.grids.frame import Frames
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernel, kernels
 
@@ -79,6 +80,28 @@ def test_between_cells_by_brute_force(seed, dimension, turned, kind):
                 share = np.prod([max(0.0, min(x + 0.5, c + 1) - max(x - 0.5, c)) for x, c in zip(place, cell, strict=True)])
                 expected += share * float(grids[m][tuple(min(max(c, 0), cells - 1) for c in cell)])
         assert values[q, r] == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize("cells", [16, 64, 192])
+@pytest.mark.parametrize("origin", [(0, 0, 0), (5_000_000, 40_000_000, 3200)], ids=["near", "map grid"])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_queries_on_a_box_s_lower_sides_are_its_own(dimension, origin, cells):
+    """Voxel centres are asked of boxes about voxel centres: by integers it is plain which hold which, and a box that holds one has a cell
+    for it, also where coordinates are those of a map grid."""
+    rng, voxel_m, half = np.random.default_rng(0), 0.1, cells // 2
+    seeds = np.array(origin[:dimension]) + rng.integers(-half, half, (9, dimension))
+    frames = Frames((seeds + 0.5) * voxel_m, np.tile(np.eye(dimension), (9, 1, 1)), np.full(9, cells * voxel_m))
+    sides = seeds[rng.integers(0, 9, 600)] + rng.choice([-half, half], (600, dimension))  # corners, moved along some axes into the box
+    index = np.where(rng.random((600, dimension)) < 0.5, sides, sides + rng.integers(-half, half, (600, dimension)))
+    queries = (index + 0.5) * voxel_m
+    steps = index[:, None] - seeds
+    holds = ((steps >= -half) & (steps < half)).all(axis=2)
+    found = FrameIndex(frames).holding(queries, 9)
+    assert [sorted(row[row != NONE]) for row in found] == [np.flatnonzero(row).tolist() for row in holds]
+    cell, inside = cell_index(frames, queries.repeat(9, axis=0), np.tile(np.arange(9), 600), cells)
+    np.testing.assert_array_equal(inside.reshape(600, 9), holds)
+    expected = np.ravel_multi_index(tuple(np.clip(steps + half, 0, cells - 1).reshape(-1, dimension).T), (cells,) * dimension)
+    np.testing.assert_array_equal(cell[inside], expected[inside])
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

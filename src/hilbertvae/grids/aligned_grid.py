@@ -20,8 +20,9 @@ PLACE_STEPS = 240
 """Steps in a cell's side, by which places in it are kept: all of them fit in an int8."""
 COUNT_STEPS = 12
 """Steps in which counts are kept for each power of e."""
-SLACK = 1e-9
-"""Of a cell: keeps points on a lattice plane, such as voxel centres of an aligned box, from falling a cell short by rounding."""
+SLACK = 1e-6
+"""Of a cell: keeps points on a lattice plane, such as voxel centres of an aligned box, from falling a cell short by rounding, also where
+coordinates are those of a map grid (4e6 m are told apart to 5e-10 m)."""
 MOST_WEIGHT = 1e30
 """What a point counts for at most: sums of larger weights would be no numbers in single precision, and cells of theirs free."""
 CELLS_AT_ONCE = 2**18
@@ -94,6 +95,8 @@ def bin_members(put: Callable[[Members, Cloud], None], cloud: Cloud | IndexedClo
     cloud = IndexedCloud.around(cloud, frames)
     at_once = max(1, CELLS_AT_ONCE // cells ** frames.centre.shape[1])
     low, high = frames.boxes()
+    slack = 2 * SLACK / cells * frames.scale[:, None]  # `cell_index` decides about points on a box's side
+    low, high = low - slack, high + slack
 
     def part(start: int) -> None:
         chosen = slice(start, min(start + at_once, len(frames)))
@@ -121,8 +124,8 @@ def mean_places(cloud: Cloud, frames: Frames, found: Members, cells: int) -> np.
     box, point, length = found.box[returns], found.point[returns], found.count() * cells**dimension
     flat, weight = box * cells**dimension + found.cell[returns], cloud.weight[point]
     total = np.maximum(np.bincount(flat, weights=weight, minlength=length), 1e-9)
-    within = (frames.into(cloud.points[point], box + found.frames.start) + 0.5) * cells + SLACK
-    within -= np.floor(within) + 0.5
+    within = (frames.into(cloud.points[point], box + found.frames.start) + 0.5) * cells
+    within -= np.floor(within + SLACK) + 0.5
     sums = [np.bincount(flat, weights=weight * moved, minlength=length) for moved in within.T]
     means = np.stack([np.round(PLACE_STEPS * total_moved / total) for total_moved in sums])
     return means.astype(np.int8).reshape(dimension, found.count(), *(cells,) * dimension).swapaxes(0, 1)

@@ -19,6 +19,9 @@ CANDIDATES = {2: 12, 3: 24}
 PATCHES = {2: 16, 3: 4}
 """Patches along the longest reach of a box, at first. In space queries often lie so thinly that smaller ones would hold one each."""
 NONE = -1
+SLACK = 1e-9
+"""Of a box: what rounding may move a query that lies on a box's side, as those on voxel centres do. Less than that of a cell
+(`aligned_grid`), so that a box that is said to hold a query has a cell for it."""
 
 
 class FrameIndex:
@@ -29,6 +32,8 @@ class FrameIndex:
         self.tree = cKDTree(frames.centre) if len(frames) else None
         self.reach_m = float((frames.scale / 2 * np.sqrt(frames.centre.shape[1])).max(initial=0.0))
         low, high = frames.boxes()
+        slack = SLACK * frames.scale[:, None]
+        low, high = low - slack, high + slack
         self.low, self.high = low.min(axis=0, initial=np.inf), high.max(axis=0, initial=-np.inf)
         # Of a turn about the vertical most entries are 0: only those that are not, somewhere, are multiplied by.
         own = (frames.rotation == np.eye(frames.centre.shape[1])).all(axis=0).all(axis=0)
@@ -90,8 +95,8 @@ class FrameIndex:
         for axis in moved:
             axis /= scale
             # The lower side of a box belongs to it, the upper does not, as cells do.
-            inside &= axis >= -0.5 - 1e-12
-            inside &= axis < 0.5 - 1e-12
+            inside &= axis >= -0.5 - SLACK
+            inside &= axis < 0.5 - SLACK
         distance[~inside] = np.inf
         order, found = _nearest_first(distance, nearest)
         chosen = np.where(np.isfinite(found), candidate.ravel()[order + (member * candidate.shape[1])[:, None]], NONE)
