@@ -162,10 +162,13 @@ def test_bad_input_is_refused_with_a_message(mapper):
     points, occupied, weight = room(count=50)
     broken = points.copy()
     broken[3, 1] = np.nan
+    outlier = points.copy()
+    outlier[3, 0] = 1e155
     mapper = clone(mapper)
     for arguments, message in [
         ((points[:0], occupied[:0]), "0 sample"),
         ((broken, occupied), "NaN"),
+        ((outlier, occupied), "up to 1e.100 m, got 1e.155; is there an outlier"),
         ((points.ravel(), occupied), "2D array"),
         ((points, occupied[:-1]), "inconsistent"),
         ((points, np.arange(50)), "binary"),
@@ -190,6 +193,12 @@ def test_one_class_only_is_refused(mapper):
         clone(mapper).fit(points, np.ones(50, bool))
     with pytest.raises(InputError, match="one class only"):
         clone(mapper).fit(points, np.arange(50) < 9, np.where(np.arange(50) < 9, 0.0, 2.0))
+
+
+@pytest.mark.parametrize("mapper", [FourierMapper(seed=2**32), NystroemMapper(seed=2**32)], ids=["hm-fourier", "hm-nystroem"])
+def test_a_seed_that_scikit_learn_has_not_is_refused(mapper):
+    with pytest.raises(InputError, match="seed: expected a whole number from 0 to 4294967295, got 4294967296"):
+        clone(mapper).fit(*room(count=50))
 
 
 @pytest.mark.parametrize("labels", [(-1, 1), (0, 1), ("free", "occupied")])

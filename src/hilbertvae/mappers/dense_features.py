@@ -83,3 +83,4 @@ class DenseFeatureMapper(LogisticMapper):
         super()._check_settings()
         check_positive(self.gamma_per_m2, "gamma_per_m2")
         check_count(self.components, "components")
+        check_count(self.seed, "seed", most=2**32 - 1, least=0)  # what scikit-learn's features take

@@ -24,7 +24,8 @@ FREE_BELOW = 0.4 + 1e-6
 """Free if p <= 0.4; the slack takes in OctoMap's single miss, which is 0.4000 in float32 (METHOD 6)."""
 
 FARTHEST_M = 1e100
-"""Queries farther out are asked there: the square of a longer distance would be no number, and everything is as far away."""
+"""Queries farther out are asked there: the square of a longer distance would be no number, and everything is as far away. Points that a
+map is made of may not lie there."""
 
 
 def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.ndarray, chunk: int, columns: int | None = None) -> np.ndarray:
@@ -190,7 +191,11 @@ class Mapper(ClassifierMixin, BaseEstimator):
         counts = weight > 0
         if not counts.any():
             raise InputError("sample_weight: expected positive weights, got zeros only")
-        return (points, y, weight) if counts.all() else (points[counts], y[counts], weight[counts])
+        if not counts.all():
+            points, y, weight = points[counts], y[counts], weight[counts]
+        if (farthest := np.abs(points).max()) > FARTHEST_M:
+            raise InputError(f"points: expected coordinates up to {FARTHEST_M:g} m, got {farthest:g}; is there an outlier?")
+        return points, y, weight
 
     def _checked(self, queries):
         refuse_masked(queries, "queries")
