@@ -58,6 +58,26 @@ def test_occlusion_shows_auc_and_nll_beside_the_base_rates():
     assert "The 2 gap seeds are 2 different choices of scans for occluded-sparse, and one for occluded-half." in table
 
 
+def test_seeds_in_which_a_region_is_empty_count_for_nothing():
+    """Of these `score` says 0, AUC 0.5."""
+    region = {"auc": [0.5, 0.2], "nll": [0.0, 0.4], "base_rate_nll": [0.0, 0.3], "count": [0.0, 7.0]}
+    table = occlusion_table(result_of({"nearest": {"voxels": {"occluded-half-0.5-1": region}}}))
+    assert "| nearest | 20.0; 0.400 |" in table and "| constant base rate | 50.0; 0.300 |" in table
+    counts = {"count": [0.0, 7.0]}
+    ours, theirs = ({"points": {"gaps": gaps([0.0, f1], [0.5, f1], [0.0, f1])["gaps"] | counts}} for f1 in (0.6, 0.5))
+    assert "| nearest | 1 of 1, +10.0 | 1 of 1, +10.0 |" in pairwise_table(result_of({"cvae-hm-points": ours, "nearest": theirs}))
+
+
+def test_a_rival_that_was_not_asked_in_a_region_has_no_row_there():
+    """Whoever is told where gaps are is scored in gaps alone, whatever its name."""
+    asked = {reading: gaps([0.8] * 2, [0.9] * 2, [0.8] * 2) for reading in ("points", "voxels")}
+    ours = {reading: {"occluded-half": found["gaps"]} | found for reading, found in asked.items()}
+    result = result_of({"cvae-hm": ours, "leak": asked, "nearest": ours})
+    table = pairwise_table(result, "occluded-half")
+    assert "nearest" in table and "leak" not in table and "leak" in pairwise_table(result)
+    assert pairwise_table(result_of({"cvae-hm": ours, "leak": asked}), "occluded-half") == ""
+
+
 @pytest.mark.parametrize(("seeds", "said"), [([0, 1, 2], 3), ([0, 10, 20], 1), ([3, 4, 13], 2)])
 def test_seeds_that_keep_the_same_scans_are_one_choice(seeds, said):
     region = {key: [0.5] * 3 for key in ("auc", "nll", "base_rate_nll", "count")}

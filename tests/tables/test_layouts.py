@@ -133,10 +133,38 @@ def test_ablation(tmp_path):
     assert inked(page)
 
 
+def test_where_the_map_of_one_run_failed_no_other_stands_in_for_it(tmp_path):
+    """A map that is calibrated for voxels has other scores on points: the run is left out of the columns that it has no map for."""
+    put(tmp_path, "default-seed0", {"cvae-hm": [0.1, 0.1]}, failed={"cvae-hm-points": "MemoryError: no"})
+    put(tmp_path, "default-seed1", {"cvae-hm": [0.1, 0.1], "cvae-hm-points": [0.9, 0.9]})
+    for seed in (0, 1):
+        put(tmp_path, f"no-skips-seed{seed}", {"cvae-hm": [0.2, 0.2], "cvae-hm-points": [0.8, 0.8]})
+    put(tmp_path, "lone-seed0", {"cvae-hm": [0.1, 0.1]}, failed={"cvae-hm-points": "MemoryError: no"})
+    rows = by(table(read_page(tmp_path, "ablation")), "case")
+    assert float(rows["default"]["gaps_auc_mean"]) == 0.9 and float(rows["default"]["gaps_voxels_auc_mean"]) == 0.1
+    assert float(rows["no-skips"]["gaps_auc_difference_mean"]) == pytest.approx(-0.1) and rows["no-skips"]["gaps_auc_worse"] == "2 of 2"
+    assert rows["no-skips"]["gaps_voxels_auc_worse"] == "0 of 4"
+    assert rows["lone"]["gaps_auc_mean"] == rows["lone"]["gaps_auc_difference_mean"] == "" and rows["lone"]["gaps_voxels_auc_mean"] != ""
+
+
+@pytest.mark.parametrize("key", ["calibration_occupied_weight", "validation_gap_m"])
+def test_ablation_names_switches_of_the_calibration(tmp_path, key):
+    put(tmp_path, "default-seed0", {"cvae-hm": [0.7, 0.8]}, config={key: 2.0})
+    put(tmp_path, "other-seed0", {"cvae-hm": [0.7, 0.8]}, config={key: 1.0})
+    assert by(table(read_page(tmp_path, "ablation")), "case")["other"]["switched"] == f"{key}=1.0"
+
+
 def test_ablation_without_its_default_has_no_differences(tmp_path):
     put(tmp_path, "no-skips-seed0", {"cvae-hm": [0.7, 0.8]})
     row = table(read_page(tmp_path, "ablation"))[0]
     assert row["gaps_voxels_auc_difference_mean"] == "" and float(row["gaps_voxels_auc_mean"]) == pytest.approx(0.75)
+
+
+def test_sites_left_out_at_two_budgets_are_no_one_table(tmp_path):
+    for site, epochs in (("north", 2), ("south", 3)):
+        put(tmp_path, f"{site}-seed0", {"cvae-hm": [0.5, 0.5]}, site=site, config={"trainer.epochs": epochs})
+    with pytest.raises(InputError, match="config.trainer.epochs: 3, but 2"):
+        read_page(tmp_path, "generalise")
 
 
 def test_generalise(tmp_path):

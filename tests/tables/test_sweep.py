@@ -3,6 +3,7 @@
 import pytest
 
 from hilbertvae.checks import InputError
+from hilbertvae.reports.run_state import write_refusal
 from hilbertvae.tables.layouts import read_page
 from hilbertvae.tables.sweep import case_of, grouped, read_sweep
 from toy_sweeps import change, declare, put, put_failed
@@ -37,6 +38,16 @@ def test_jobs_that_are_missing_failed_or_strangers(tmp_path):
     assert (sweep.kind, sweep.size, sweep.missing, sweep.strangers) == ("table1", "quick", ["a-seed1", "c-seed0"], ["old-seed0"])
     assert sweep.absent() == {"b": "failed", "c": "missing"} and sweep.gone("a") == ["missing: a-seed1"]
     assert sweep.sites() == ["hall", "annex"]
+
+
+def test_a_job_that_was_refused_at_its_last_launch_is_named_beside_its_row(tmp_path):
+    put(tmp_path, "a-seed0", {"nearest": [0.1, 0.2]})
+    put(tmp_path, "a-seed1", {"nearest": [0.1, 0.2]})
+    write_refusal(tmp_path / "a-seed1", InputError("b.npz: no such file"))
+    sweep = read_sweep(tmp_path, "table1")
+    assert sweep.refused == {"a-seed1": "b.npz: no such file"}
+    (line,) = sweep.troubles()
+    assert line == "- refused at its last launch, so that its row is of an earlier one: a-seed1, b.npz: no such file"
 
 
 def test_a_job_with_only_a_further_site_is_missing(tmp_path):

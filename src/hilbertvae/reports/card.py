@@ -12,9 +12,9 @@ from hilbertvae.reconstruction.shipped import SHIPPED
 from hilbertvae.reconstruction.training_card import calibrated_on, stages
 from hilbertvae.reports.mapper_names import CHAMPIONS
 from hilbertvae.reports.result_json import read_result
-from hilbertvae.reports.score_table import as_percent, markdown, mean_and_spread
+from hilbertvae.reports.score_table import NOTHING, as_percent, markdown, mean_and_spread
 from hilbertvae.scans.sites import find_site
-from hilbertvae.scoring.result import Result
+from hilbertvae.scoring.result import Result, asked
 
 TERMS = {
     "ple": "Laser logs collected at github.com/acschaefer/ple, which states no terms for the data.",
@@ -93,7 +93,10 @@ def _scores(results: list[Result]) -> str:
 
 
 def _cell(metrics: dict[str, list[float]], metric: str) -> str:
-    mean, spread = mean_and_spread(metrics[metric])
+    values = asked(metrics, metric)
+    if not values:
+        return NOTHING
+    mean, spread = mean_and_spread(values)
     return as_percent(mean, spread) if metric in SHARES else f"{mean:.3f}"
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from hilbertvae.reports.mapper_names import CHAMPIONS, is_rival
-from hilbertvae.reports.score_table import markdown, percent
+from hilbertvae.reports.score_table import NOTHING, markdown, percent
 from hilbertvae.scoring.cases import OCCLUSION_STEP
-from hilbertvae.scoring.result import Result
+from hilbertvae.scoring.result import Result, asked
 
 HEADLINES = (("points", "f1", "F1 at the cut"), ("points", "auc", "AUC"), ("voxels", "best_f1", "best F1"), ("voxels", "auc", "AUC"))
 """Reading, metric and name of what methods are compared by where nothing was shown."""
@@ -18,7 +18,6 @@ def pairwise_table(result: Result, region: str = "gaps") -> str:
 
     Empty where nothing was scored in the region.
     """
-    seeds = len(result.gap_seeds)
     header = [f"in {region}, against"]
     columns = []
     for reading, metric, title in HEADLINES:
@@ -30,10 +29,12 @@ def pairwise_table(result: Result, region: str = "gaps") -> str:
     for rival in filter(is_rival, result.scores):
         row = [rival]
         for champion, reading, metric in columns:
-            ours, theirs = (result.scores[name][reading][region][metric] for name in (champion, rival))
-            differences = [100 * (a - b) for a, b in zip(ours, theirs, strict=True)]
-            row.append(f"{sum(d > 0 for d in differences)} of {seeds}, {sum(differences) / seeds:+.1f}")
-        rows.append(row)
+            ours, theirs = (result.values(name, reading, region, metric) for name in (champion, rival))
+            differences = [100 * (a - b) for a, b in zip(ours, theirs, strict=True)] if theirs else []
+            better = sum(d > 0 for d in differences)
+            row.append(f"{better} of {len(differences)}, {sum(differences) / len(differences):+.1f}" if differences else NOTHING)
+        if any(cell != NOTHING for cell in row[1:]):  # one that was told where gaps are is not asked in all regions
+            rows.append(row)
     return markdown(header, rows) if rows and columns else ""
 
 
@@ -50,9 +51,10 @@ def occlusion_table(result: Result) -> str:
     for name, readings in result.scores.items():
         found = readings["voxels"]
         if regions[0] in found:
-            rows.append([name, *(f"{percent(found[region]['auc'])}; {_mean(found[region]['nll']):.3f}" for region in regions)])
+            seen = ((asked(found[region], metric) for metric in ("auc", "nll")) for region in regions)
+            rows.append([name, *(f"{percent(auc)}; {_mean(nll):.3f}" for auc, nll in seen)])
     first = next(readings["voxels"] for readings in result.scores.values() if regions[0] in readings["voxels"])
-    rows.append(["constant base rate", *(f"50.0; {_mean(first[region]['base_rate_nll']):.3f}" for region in regions)])
+    rows.append(["constant base rate", *(f"50.0; {_mean(asked(first[region], 'base_rate_nll')):.3f}" for region in regions)])
     cases = len({seed % OCCLUSION_STEP[result.dimension] for seed in result.gap_seeds})
     said = f"The {len(result.gap_seeds)} gap seeds are {cases} different choices of scans for occluded-sparse, and one for occluded-half."
     return markdown(["AUC; NLL (voxels)", *regions], rows) + "\n\n" + said

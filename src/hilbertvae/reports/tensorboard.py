@@ -8,17 +8,18 @@ from collections.abc import Mapping
 import numpy as np
 
 from hilbertvae.reports.score_table import markdown_scores
-from hilbertvae.scoring.result import Result
+from hilbertvae.scoring.result import Result, asked
 
 
 def score_scalars(result: Result) -> dict[str, float]:
-    """`score/<site>/<mapper>/<reading>/<region>/<metric>` by the mean over gap seeds."""
+    """`score/<site>/<mapper>/<reading>/<region>/<metric>` by the mean over gap seeds that have something in the region."""
     return {
         f"score/{_tag(result)}/{mapper}/{reading}/{region}/{metric}": float(np.mean(values))
         for mapper, readings in result.scores.items()
         for reading, regions in readings.items()
         for region, metrics in regions.items()
-        for metric, values in metrics.items()
+        for metric in metrics
+        if (values := asked(metrics, metric))
     }
 
 

@@ -35,8 +35,8 @@ class Result:
         return self.scores.get(mapper, {}).get(reading, {})
 
     def values(self, mapper: str, reading: str, region: str, metric: str) -> list[float]:
-        """One number per gap seed; none where it was not scored."""
-        return self.regions(mapper, reading).get(region, {}).get(metric, [])
+        """One number per gap seed that has something in the region; none where it was not scored."""
+        return asked(self.regions(mapper, reading).get(region, {}), metric)
 
     def add(self, other: Result) -> Result:
         """This result with the mappers of another evaluation of the same site under the same protocol."""
@@ -80,6 +80,14 @@ class Result:
             "curves": self.curves,
             **about,
         }
+
+
+def asked(metrics: dict[str, list[float]], metric: str) -> list[float]:
+    """A metric of a region, one number per gap seed in which it has any point or voxel. Of a seed in which it is empty `score` says 0,
+    which would make a mean of several seeds better, or worse, than it is."""
+    values = metrics.get(metric, [])
+    counts = metrics.get("count", [])
+    return [value for value, count in zip(values, counts, strict=True) if count > 0] if counts else values
 
 
 def _chained(first: dict, second: dict) -> dict:

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from hilbertvae.drawing.colours import OTHERS, OURS
 from hilbertvae.reports.score_table import NOTHING
+from hilbertvae.tables import recipe
 from hilbertvae.tables.canvas import GREY, empty_picture, measured_rows, panels, percents
 from hilbertvae.tables.cases import case_rows, case_tables, champions
 from hilbertvae.tables.measure import LEGEND, Group, per_seed
@@ -26,8 +27,8 @@ METRICS = {
     "observed_f1": ("points", "observed", "f1", "held-out, points: F1"),
 }
 SCORES = [measured(f"{title} (%)", key) for key, (*_, title) in METRICS.items()]
-PARTS = ("network", "grid", "likelihood", "augmentation", "clustering", "trainer", "mapper", "data")
-"""Parts of the configuration that a switch can stand in."""
+PARTS = tuple(part for part in recipe.PARTS if part != "flips")
+"""Parts of the configuration that a switch can stand in; `flips` are those of its mappers."""
 SHOWN = 4
 """Changed settings that a row names; more would hide the table."""
 DIFFERENCE_LEGEND = (
@@ -61,9 +62,7 @@ def _difference_columns() -> list[Column]:
 def _row(group: Group, default: Group) -> Row:
     row: Row = {"switched": switched(next(iter(group.values())), next(iter(default.values()), None))}
     for key, (reading, region, metric, _) in METRICS.items():
-        ours, theirs = (
-            per_seed(runs, champions(runs)[reading == "voxels"], reading, region, metric) if runs else {} for runs in (group, default)
-        )
+        ours, theirs = (per_seed(runs, champions(runs)[reading == "voxels"], reading, region, metric) for runs in (group, default))
         row[key] = over_seeds(list(ours.values()))
         if group.keys() != default.keys() or any(group[seed] is not default[seed] for seed in group):
             found = differences(ours, theirs)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Hashable
 
+from hilbertvae.reports.mapper_names import champions as network_rows
 from hilbertvae.tables.measure import COUNTS, NOTE, Group, N, absent_row, counts_of, network_of, note_of
 from hilbertvae.tables.page import Column, Row, Table, hidden, text
 from hilbertvae.tables.sweep import Run, Sweep, grouped
@@ -69,6 +70,8 @@ def case_tables(
 
 
 def champions(group: Group) -> tuple[str | None, str | None]:
-    """The rows of the group's network that are calibrated for points and for voxels."""
-    run = next(iter(group.values()))
-    return run.champion("points"), run.champion("voxels")
+    """The rows of the group's network that are calibrated for points and for voxels, also where they failed in some of its runs, or all:
+    no other row stands in for one."""
+    names = dict.fromkeys(name for run in group.values() for name in (*run.result.scores, *run.result.failed))
+    points, voxels = (next(iter(network_rows(names, reading)), None) for reading in ("points", "voxels"))
+    return points, voxels

@@ -57,7 +57,7 @@ LAYOUTS: dict[str, Layout | StartsLayout] = {
     "fig7": Layout(gap_size_page, varies=gap_size.VARIES),
     "tradeoff": Layout(tradeoff_page),
     "ablation": Layout(ablation_page),
-    "generalise": Layout(generalise_page, varies=generalise.VARIES),
+    "generalise": Layout(generalise_page, varies=generalise.VARIES, same=generalise.SAME),
     "recipes": Layout(recipes_page, same=recipes.SAME),
 }
 

@@ -17,6 +17,7 @@ from typing import Any
 from hilbertvae.checks import InputError
 from hilbertvae.reports.mapper_names import champions
 from hilbertvae.reports.result_json import read_result
+from hilbertvae.reports.run_state import refusal
 from hilbertvae.scoring.result import Result
 from hilbertvae.tables.recipe import check_same_recipe
 
@@ -82,7 +83,7 @@ class Run:
 @dataclass
 class Sweep:
     """All runs of a sweep. missing: jobs without a result. strangers: folders with results that are none of its jobs. older: results of
-    sites that a job's last run did not score."""
+    sites that a job's last run did not score. refused: why a job's last launch did not start, where results of one before it lie."""
 
     kind: str
     size: str | None
@@ -90,6 +91,7 @@ class Sweep:
     missing: list[str] = field(default_factory=list)
     strangers: list[str] = field(default_factory=list)
     older: list[str] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)
 
     @property
     def scored(self) -> list[Run]:
@@ -120,6 +122,7 @@ class Sweep:
         lines = [f"- missing: {job} has no result.json" for job in self.missing]
         for run in self.runs:
             lines += [f"- failed: {run.name}, {what}: {' '.join(message.split())}" for what, message in run.result.failed.items()]
+        lines += [f"- refused at its last launch, so that its row is of an earlier one: {job}, {why}" for job, why in self.refused.items()]
         lines += [f"- left out: {name}, which is no job of this sweep" for name in self.strangers]
         return lines + [f"- left out: {name}, which is of another run than its job" for name in self.older]
 
@@ -179,7 +182,8 @@ def read_sweep(folder: Path, kind: str | None = None) -> Sweep:
     own = {run.job: run.about.get("config_hash") for run in runs if run.name == run.job and run.scored}
     older = [run for run in runs if run.job in own and run.about.get("config_hash") != own[run.job]]
     missing = sorted(set(jobs or ()) - {run.name for run in runs})
-    return Sweep(kind, size, [run for run in runs if run not in older], missing, strangers, [run.name for run in older])
+    refused = {run.job: why for run in runs if (why := refusal(folder / run.job))}
+    return Sweep(kind, size, [run for run in runs if run not in older], missing, strangers, [run.name for run in older], refused)
 
 
 def _run(path: Path, name: str) -> Run:
