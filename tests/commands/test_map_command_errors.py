@@ -168,6 +168,23 @@ def test_an_earlier_map_that_is_read_is_not_taken_away(room, tmp_path, capsys):
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
+@pytest.mark.parametrize(
+    ("name", "image"), [("map_observed.ot", None), ("map_observed.yaml", "map_observed.pgm"), ("plan.yaml", "map.pgm")]
+)
+def test_what_a_link_leads_to_is_not_replaced_or_taken_away(room, tmp_path, capsys, name, image):
+    out = make_map(MapSettings(scans=str(npz_of(room, tmp_path / "room.npz")), output=str(tmp_path / "out"), fill=False))
+    if name == "plan.yaml":  # a file of one's own, whose image alone is a link
+        (tmp_path / name).write_bytes((out / "map.yaml").read_bytes())
+    else:
+        (tmp_path / name).symlink_to(out / name)
+    if image:
+        (tmp_path / image).symlink_to(out / image)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert map_command.main([f"scans={tmp_path / name}", f"output={out}", "fill=off", "exports=[npz]"]) == 2
+    assert f"output: {tmp_path / (image if name == 'plan.yaml' else name)} is what is read" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
 def test_the_image_of_the_map_that_is_filled_is_not_replaced(room, tmp_path, capsys):
     out = make_map(MapSettings(scans=str(npz_of(room, tmp_path / "room.npz")), output=str(tmp_path / "out"), fill=False))
     (out / "plan.yaml").write_bytes((out / "map.yaml").read_bytes())

@@ -5,6 +5,7 @@ import re
 import warnings
 
 import numpy as np
+import octomap
 import pytest
 import yaml
 from PIL import Image
@@ -73,6 +74,8 @@ def test_cells_of_the_network_s_size_move_as_far_as_is_said(tmp_path, origin, be
     [
         (0.15, [0.05, 0.0, 0.0], {}),
         (0.05, [0.01, 0.02, 0.0], {"resolution_m": 0.1}),
+        (0.05, [-2.0, 3.05, 0.0], {"resolution_m": 0.07}),
+        (0.05, [-2.0, 3.05, 0.0], {"resolution_m": 0.1}),
         (0.05, [0.0, 0.0, 0.5], {}),
         (0.25, [0.1, 0.07, 1.0], {}),
     ],
@@ -94,11 +97,33 @@ def test_in_larger_or_turned_cells_walls_move_no_farther_than_is_said(tmp_path, 
 
 @pytest.mark.parametrize(
     ("cell_m", "origin", "changed"),
-    [(0.05, [-2.0, 3.05, 0.0], {}), (0.05, [-100.0003, 0, 0], {}), (0.15, [-1.5, 3.0, 0.0], {}), (0.05, [0.05, 0.0, math.pi], {})],
+    [
+        (0.05, [-2.0, 3.05, 0.0], {}),
+        (0.05, [-2.0, 3.05, 0.0], {"resolution_m": 0.025}),
+        (0.05, [-100.0003, 0, 0], {}),
+        (0.15, [-1.5, 3.0, 0.0], {}),
+        (0.05, [0.05, 0.0, math.pi], {}),
+    ],
 )
 def test_nothing_is_said_where_nothing_moves(tmp_path, cell_m, origin, changed):
     room_map(tmp_path, cell_m, origin)
     assert made(tmp_path, **changed)[1] == []
+
+
+@pytest.mark.parametrize(("resolution_m", "moves"), [(0.2, False), (0.1, False), (0.3, True), (0.4, True)])
+def test_an_octomap_that_is_written_in_other_cells(tmp_path, resolution_m, moves):
+    tree = octomap.OcTree(0.2)
+    for place in range(5):
+        tree.updateNode(np.array([0.1 + 0.2 * place, 0.1, 0.1]), place % 2 == 0)
+    tree.writeBinary(str(tmp_path / "map.bt").encode())
+    settings = MapSettings(
+        scans=str(tmp_path / "map.bt"), output=str(tmp_path / "out"), fill=False, exports=["npz"], resolution_m=resolution_m
+    )
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        make_map(settings)
+    said = [str(warning.message) for warning in caught if "walls move" in str(warning.message)]
+    assert len(said) == moves and all(f"are written in cells of {resolution_m:g} m; " in message for message in said)
 
 
 def test_our_own_maps_are_on_the_lattice(tmp_path):

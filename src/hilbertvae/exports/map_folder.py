@@ -60,7 +60,8 @@ def check_output(output: Path, scans: Path, exports: list[str], by_name: bool, b
     there = {name for name in written if (output / name).exists()}
     earlier = listed_files(output)
     for read in (scans, *beside):
-        if read.parent.resolve() == output.resolve() and read.name in there | earlier:
+        named = {(place.parent.resolve(), place.name) for place in (read, read.resolve())}  # a link, and what it leads to
+        if any(folder == output.resolve() and name in there | earlier for folder, name in named):
             raise InputError(f"output: {read} is what is read, and would be replaced or removed; choose another folder")
     for name in sorted(there - earlier - ({SUMMARY} if earlier else set())):
         raise InputError(f"output: {output / name} was not left by an earlier map, and would be replaced; choose another folder")

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError
 from hilbertvae.drawing.field import BLOCK, Field
@@ -30,14 +32,19 @@ def write_mesh_ply(cells: MapCells, path: str | os.PathLike) -> Path:
 
 
 def cells_surface(cells: MapCells) -> Surface:
-    """The closed surface around the occupied cells; what is not among the cells is unknown, p = 0.5."""
+    """The closed surface around the occupied cells; what is not among the cells is unknown, p = 0.5. A vertex was observed if the occupied
+    cell nearest to it was."""
     if cells.dimension != 3:
         raise InputError("cells: a mesh is of a 3D map, got a 2D map")
     blocks = {key: np.full((BLOCK,) * 3, UNKNOWN, np.float32) for key in sorted(_touched(cells.index[cells.occupied]))}
     for key, rows in by_block(cells.index):
         if key in blocks:
             blocks[key][tuple((cells.index[rows] % BLOCK).T)] = cells.probability[rows]
-    return field_surface(Field(blocks, cells.resolution_m), cells.select(cells.occupied & cells.observed).centres, OCCUPIED_ABOVE)
+    occupied = cells.select(cells.occupied)
+    surface = field_surface(Field(blocks, cells.resolution_m), occupied.centres, OCCUPIED_ABOVE)
+    if not len(surface):
+        return surface
+    return replace(surface, observed=occupied.observed[cKDTree(occupied.centres).query(surface.vertices)[1]])
 
 
 def _touched(index: np.ndarray) -> set[tuple[int, ...]]:

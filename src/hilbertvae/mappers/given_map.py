@@ -50,19 +50,21 @@ def read_given_map(path: str | os.PathLike) -> GivenMap:
 
 
 def warn_of_moved_walls(path: str | os.PathLike, given: GivenMap, resolution_m: float, voxel_m: float) -> None:
-    """A `UserWarning` where a ROS map's cells do not lie on the lattice through (0, 0), on which maps are written, that says how far walls
-    move at most: OctoMap's files and those of grids have no word for another.
+    """A `UserWarning` where a ROS map's cells don't lie on the lattice through (0, 0), on which maps are written, since OctoMap's files and
+    those of grids have no word for another, or where cells of a map are written in others of which they are not made. It says how far
+    walls move at most.
 
     resolution_m: the written cells; voxel_m: those of the mapper, a whole number of which makes a written one.
     """
-    if given.corner is None:
-        return
-    *corner, yaw = given.corner
-    beside = max(abs(place / given.cell_m - round(place / given.cell_m)) for place in corner)  # in cells
+    *corner, yaw = given.corner or (0.0, 0.0)
+    parts = given.cell_m / resolution_m
+    beside = max((abs(place / given.cell_m - round(place / given.cell_m)) for place in corner), default=0.0)  # in cells
     if turned := max(abs(math.cos(yaw)), abs(math.sin(yaw))) < 1 - 1e-12:
         lies = f"are turned by {math.degrees(yaw):.3g} degrees"
     elif beside > ON_LATTICE:
         lies = f"begin at {corner[0]:.9g} {corner[1]:.9g} m, which is no whole number of them from 0 0"
+    elif abs(parts - round(parts)) > 1e-9 * parts:
+        lies = f"are written in cells of {resolution_m:g} m"
     else:
         return
     # Cell by cell only where each becomes one; else a wall's cell may reach into two, and both are the wall's.
@@ -70,7 +72,7 @@ def warn_of_moved_walls(path: str | os.PathLike, given: GivenMap, resolution_m: 
     moved_m = beside * given.cell_m if whole else resolution_m
     warnings.warn(
         f"{path}: its cells of {given.cell_m:g} m {lies}; those that are written count from 0 0 along the axes, so walls move by up to "
-        f"{moved_m:.2g} m along each axis, and masks or overlays made for its pixels no longer fit exactly",
+        f"{moved_m:.2g} m along each axis, and masks or overlays made for its cells no longer fit exactly",
         stacklevel=3,
     )
 
