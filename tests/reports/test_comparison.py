@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from hilbertvae.reports.comparison import occlusion_table, pairwise_table
+from hilbertvae.reports.comparison import error_table, occlusion_table, pairwise_table
 from hilbertvae.scoring.result import Result
 
 
@@ -83,6 +83,13 @@ def test_seeds_that_keep_the_same_scans_are_one_choice(seeds, said):
     region = {key: [0.5] * 3 for key in ("auc", "nll", "base_rate_nll", "count")}
     result = replace(result_of({"nearest": {"voxels": {"occluded-sparse-0.5-1": region}}}), gap_seeds=seeds)
     assert f"The 3 gap seeds are {said} different choices" in occlusion_table(result)
+
+
+def test_errors_are_ranked_seed_by_seed():
+    sure = {"voxels": {"gaps": {"error_auc_spread": [0.8, 0.6], "error_auc_doubt": [0.7, 0.7], "count": [9.0, 9.0]}}}
+    table = error_table(result_of({"cvae-hm": sure, "nearest": {"voxels": gaps([0.4] * 2, [0.9] * 2, [0.5] * 2)}}))
+    assert "| cvae-hm | 70.0±14.1 | 70.0±0.0 | 1 of 2 |" in table and "nearest" not in table
+    assert error_table(result_of({"nearest": {"voxels": {}}})) == ""
 
 
 def test_occlusion_is_empty_where_it_was_not_scored():

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn import metrics as reference
 
-from hilbertvae.scoring.metrics import METRICS, calibration_error, precision_recall_curve, score
+from hilbertvae.scoring.metrics import ERROR_METRICS, METRICS, calibration_error, error_ranking, precision_recall_curve, score
 
 
 def answers(seed, count, levels):
@@ -110,6 +110,23 @@ def test_one_class_only_still_gives_numbers(label, probability):
 def test_no_queries_at_all():
     found = score(np.zeros(0, bool), np.zeros(0))
     assert set(found) == set(METRICS) and found.pop("auc") == 0.5 and not any(found.values())
+
+
+@settings(max_examples=40)
+@cases
+def test_ranks_of_errors_against_scikit_learn(seed, count, levels):
+    occupied, probability = answers(seed, count, levels)
+    spread = np.round(np.random.default_rng(seed).random(count) * (levels or 100)) / (levels or 100)
+    found = error_ranking(occupied, probability, spread)
+    wrong = (probability > 0.5) != occupied
+    both = 0 < wrong.sum() < count
+    for name, doubt in (("error_auc_spread", spread), ("error_auc_doubt", 1 - np.abs(2 * probability - 1))):
+        assert found[name] == pytest.approx(reference.roc_auc_score(wrong, doubt) if both else 0.5)
+
+
+def test_errors_of_nothing_are_ranked_by_chance():
+    nothing = np.zeros(0)
+    assert error_ranking(nothing.astype(bool), nothing, nothing) == dict.fromkeys(ERROR_METRICS, 0.5)
 
 
 def test_a_certain_answer_that_is_wrong_costs_a_lot_but_not_everything():

@@ -1,5 +1,6 @@
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scoring import cases
-from hilbertvae.scoring.metrics import METRICS, score
+from hilbertvae.scoring.cases import gap_case
+from hilbertvae.scoring.metrics import ERROR_METRICS, METRICS, error_ranking, score
 from hilbertvae.scoring.protocol import Protocol, ceiling, cut_site, evaluate, evaluate_all
 from hilbertvae.site import Site
 from hilbertvae.voxel_votes import voxel_index
@@ -117,6 +119,25 @@ def test_the_contract(place):
         assert set(plain["ceiling"][reading]) == {"precision", "recall"}
     assert [one["seed"] for one in plain["gaps"]] == [0, 1]
     assert plain["protocol"]["cluster_size_m"] == 3.0
+
+
+def test_a_mapper_that_says_how_unsure_it_is_is_asked_in_gaps(place):
+    """On voxels alone, of the very places that its answers there are scored on."""
+
+    class Unsure(NearestMapper):
+        def predict_std(self, queries):
+            self.asked_ = queries
+            return np.linalg.norm(queries, axis=1)
+
+    mapper, protocol = Unsure(), replace(QUICK, gap_seeds=[3])
+    found = evaluate(mapper, place, protocol, "unsure").scores["unsure"]
+    asked = gap_case(place, cut_site(place, protocol, 3)).asked["voxels"]
+    chosen = asked.regions["gaps"]
+    np.testing.assert_array_equal(mapper.asked_, asked.points[chosen])
+    probability = mapper.predict_proba(mapper.asked_)[:, 1]
+    expected = error_ranking(asked.occupied[chosen], probability, np.linalg.norm(mapper.asked_, axis=1))
+    assert {metric: found["voxels"]["gaps"][metric] for metric in ERROR_METRICS} == {key: [value] for key, value in expected.items()}
+    assert not set(ERROR_METRICS) & {*found["points"]["gaps"], *found["voxels"]["observed"]}
 
 
 def test_all_occupied_has_the_base_rate_as_precision(place):

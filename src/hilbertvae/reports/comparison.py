@@ -1,10 +1,12 @@
-"""What the main table leaves out, as Markdown: methods compared pairwise per gap seed, and real occlusion by distance (METHOD 7)."""
+"""What the main table leaves out, as Markdown: methods compared pairwise per gap seed, real occlusion by distance (METHOD 7), and
+how well errors are known."""
 
 from __future__ import annotations
 
 from hilbertvae.reports.mapper_names import CHAMPIONS, is_rival
 from hilbertvae.reports.score_table import NOTHING, markdown, percent
 from hilbertvae.scoring.cases import OCCLUSION_STEP
+from hilbertvae.scoring.metrics import ERROR_METRICS
 from hilbertvae.scoring.result import Result, asked
 
 HEADLINES = (("points", "f1", "F1 at the cut"), ("points", "auc", "AUC"), ("voxels", "best_f1", "best F1"), ("voxels", "auc", "AUC"))
@@ -58,6 +60,21 @@ def occlusion_table(result: Result) -> str:
     cases = len({seed % OCCLUSION_STEP[result.dimension] for seed in result.gap_seeds})
     said = f"The {len(result.gap_seeds)} gap seeds are {cases} different choices of scans for occluded-sparse, and one for occluded-half."
     return markdown(["AUC; NLL (voxels)", *regions], rows) + "\n\n" + said
+
+
+def error_table(result: Result) -> str:
+    """How well maps know where in gaps they are wrong: AUC of errors by the spread of what their grids say, and by 1 - |2p - 1|.
+
+    Empty where no mapper says its spread.
+    """
+    rows = []
+    for name in result.scores:
+        spread, doubt = (result.values(name, "voxels", "gaps", metric) for metric in ERROR_METRICS)
+        if spread:
+            better = sum(a > b for a, b in zip(spread, doubt, strict=True))
+            rows.append([name, percent(spread), percent(doubt), f"{better} of {len(spread)}"])
+    header = ["AUC of errors in gaps (voxels)", "by the grids' spread", "by 1 - |2p - 1|", "spread is better in"]
+    return markdown(header, rows) if rows else ""
 
 
 def _mean(values: list[float]) -> float:

@@ -23,7 +23,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.cluster_pictures import completion_rows, gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
-from hilbertvae.reports.comparison import COMPARED, occlusion_table, pairwise_table
+from hilbertvae.reports.comparison import COMPARED, error_table, occlusion_table, pairwise_table
 from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.mapper_names import for_points
 from hilbertvae.reports.paper_table import paper_table
@@ -50,9 +50,11 @@ UNSURE_GAPS = 4
 
 
 def scores_text(result: Result) -> str:
-    """`scores.md`: all scores, methods compared pairwise, what is occluded, and the paper's numbers beside ours."""
+    """`scores.md`: all scores, methods compared pairwise, what is occluded, how well errors are known, and the paper's numbers beside
+    ours."""
     pairwise = [pairwise_table(result, region) for region in COMPARED]
-    return "\n\n".join(filter(None, [markdown_scores(result), *pairwise, occlusion_table(result), paper_table(result)])) + "\n"
+    parts = [markdown_scores(result), *pairwise, occlusion_table(result), error_table(result), paper_table(result)]
+    return "\n\n".join(filter(None, parts)) + "\n"
 
 
 class Report:

@@ -14,6 +14,9 @@ METRICS = (
     "free_precision", "free_recall", "base_rate_nll",
 )  # fmt: skip
 
+ERROR_METRICS = ("error_auc_spread", "error_auc_doubt")
+"""Of voxels in gaps, from mappers that say how unsure they are."""
+
 
 def score(occupied: np.ndarray, probability: np.ndarray) -> dict[str, float]:
     """All of `METRICS` for labels `occupied (Q,)` bool and `probability (Q,)` of being occupied.
@@ -61,6 +64,14 @@ def _cuts(occupied: np.ndarray, probability: np.ndarray) -> tuple[np.ndarray, np
     ranked = probability[order]
     last = np.append(np.flatnonzero(np.diff(ranked)), len(ranked) - 1)
     return ranked[last], np.cumsum(occupied[order])[last], last + 1
+
+
+def error_ranking(occupied: np.ndarray, probability: np.ndarray, spread: np.ndarray) -> dict[str, float]:
+    """`ERROR_METRICS`: how well a map's `spread (Q,)`, as of `predict_std`, ranks its errors, p on the wrong side of 0.5, and how well
+    1 - |2p - 1| does, which costs nothing: areas under the ROC curve, 0.5 where all, or none, are errors."""
+    wrong = (probability > 0.5) != occupied
+    doubts = spread, 1 - np.abs(2 * probability - 1)
+    return {name: _ranked(wrong, doubt)[0] if len(wrong) else 0.5 for name, doubt in zip(ERROR_METRICS, doubts, strict=True)}
 
 
 def precision_recall_curve(occupied: np.ndarray, probability: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import LEAST_SHARE, Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.scoring.cases import Case, gap_case, occluded_parts, occlusion_case, voxel_keys
-from hilbertvae.scoring.metrics import precision_recall_curve, score
+from hilbertvae.scoring.metrics import error_ranking, precision_recall_curve, score
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 
@@ -136,6 +136,10 @@ class _Found:
                     self.rows[reading][region][metric].append(value)
                 if region == "gaps":
                     self.curves[reading].append(_curve(asked.occupied[chosen], probability[chosen]))
+                    if reading == "voxels" and hasattr(mapper, "predict_std"):
+                        spread = mapper.predict_std(asked.points[chosen])
+                        for metric, value in error_ranking(asked.occupied[chosen], probability[chosen], spread).items():
+                            self.rows[reading][region][metric].append(value)
         return taken / max(sum(len(asked.points) for asked in case.asked.values()), 1) * 1e6
 
     def scores(self) -> dict:
@@ -143,8 +147,7 @@ class _Found:
 
 
 def _prepare(mapper: Mapper, seed: int, gaps: Gaps) -> None:
-    parameters = mapper.get_params(deep=False)
-    if "seed" in parameters:
+    if "seed" in mapper.get_params(deep=False):
         mapper.set_params(seed=seed)
     if mapper.told_gaps:  # the leak check: it knows where the gaps are, and nothing else
         mapper.set_params(centres=gaps.centres)

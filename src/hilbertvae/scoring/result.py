@@ -85,9 +85,8 @@ class Result:
 def asked(metrics: dict[str, list[float]], metric: str) -> list[float]:
     """A metric of a region, one number per gap seed in which it has any point or voxel. Of a seed in which it is empty `score` says 0,
     which would make a mean of several seeds better, or worse, than it is."""
-    values = metrics.get(metric, [])
-    counts = metrics.get("count", [])
-    return [value for value, count in zip(values, counts, strict=True) if count > 0] if counts else values
+    values, counts = metrics.get(metric, []), metrics.get("count", [])
+    return [value for value, count in zip(values, counts, strict=True) if count > 0] if values and counts else values
 
 
 def _chained(first: dict, second: dict) -> dict:
