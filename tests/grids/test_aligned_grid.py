@@ -151,6 +151,13 @@ def test_codes_of_counts_rise_and_tell_none_from_some(votes):
     np.testing.assert_allclose(np.expm1(count_code(small) / 12.0), small, rtol=0.05, atol=0.05)
 
 
+def test_places_of_weights_beyond_double_precision():
+    cloud = Cloud(np.array([[0.12, 0.3], [0.16, 0.3]]), np.ones(2, bool), np.full(2, 1e308))
+    frames = Frames(np.zeros((1, 2)), np.eye(2)[None], np.ones(1))
+    usual = Cloud(cloud.points, cloud.occupied, np.ones(2))
+    np.testing.assert_array_equal(bin_places(cloud, frames, 4), bin_places(usual, frames, 4))
+
+
 def test_weights_beyond_single_precision_stay_votes():
     cloud = Cloud(np.zeros((2, 2)), np.array([True, True]), np.array([1e39, 1.0]))
     frames = random_frames(np.random.default_rng(0), 1, 2, turned=False)

@@ -111,3 +111,11 @@ def test_votes_are_hits_and_a_share_of_frees(place):
     found = bin_voted(cloud, frames, grid, 0.25)
     np.testing.assert_array_equal(found[:, 0], bin_grids(cloud, frames, grid))
     np.testing.assert_array_equal(found[:, 1], count_code(hits + 0.25 * frees))
+
+
+def test_a_known_cell_has_votes_however_few(place):
+    """A free sample of small voxels is a small share of a vote; of a code of 0 nothing would be learned."""
+    grid, cloud = tiny_grid(place.dimension), place.fit
+    labels, votes = bin_voted(cloud, find_frames(cloud, grid, 0), grid, 0.01).swapaxes(0, 1)
+    np.testing.assert_array_equal(votes > 0, labels != UNKNOWN)
+    assert (votes == 1).any()

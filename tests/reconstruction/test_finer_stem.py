@@ -81,3 +81,12 @@ def test_other_networks_are_not_finer(changes):
     settings, _ = fine_of(coarse, 8)
     assert not is_finer(replace(settings, **changes), coarse.network_settings)
     assert not is_finer(ConditionalNetworkSettings(), coarse.network_settings)
+
+
+@pytest.mark.parametrize("more", [{"skips": True}, {"variational": True}])
+def test_inner_levels_that_would_be_partly_fresh_are_no_start(more):
+    """One without skips has no weights for them: inner levels would say something else than they did."""
+    less = {name: not value for name, value in more.items()}
+    coarse = tiny_reconstructor(stem=4, channels=[6, 8], blocks=[2, 1], **less)
+    assert is_finer(fine_of(coarse, 8)[0], coarse.network_settings)
+    assert not is_finer(fine_of(coarse, 8, **more)[0], coarse.network_settings)

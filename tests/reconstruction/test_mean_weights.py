@@ -20,6 +20,15 @@ def test_each_weight_is_the_mean_of_two(cells):
     assert all(torch.equal(weight, tiny_reconstructor(seed=2).network.state_dict()[name]) for name, weight in new.items())
 
 
+def test_a_network_that_does_not_go_on_from_the_other_is_refused():
+    """Its card would not say what half of the weights have seen."""
+    before = replace(tiny_reconstructor(), card={"trained_on": ["hall", "simulated:7"]})
+    later = {"trained_on": ["attic"], "started_from": {"trained_on": ["simulated:7"], "started_from": before.card}}
+    assert mean_of(before, replace(before, card=later)).card == later | {"mean_with_step_before": True}
+    with pytest.raises(InputError, match="checkpoint: expected a network that goes on from the one before it, .* trained on hall, too"):
+        mean_of(before, replace(before, card={"trained_on": ["attic"], "started_from": {"trained_on": ["simulated:7"]}}))
+
+
 @pytest.mark.parametrize("other", [{"latent": 5}, {"channels": [4, 10]}, {"stem": 1}])
 def test_another_network_is_refused(other):
     with pytest.raises(InputError, match="checkpoint: expected a network of .*, as the one before it, got"):

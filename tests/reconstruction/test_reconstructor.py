@@ -219,6 +219,13 @@ def test_a_detailed_network_over_symmetries_by_hand(tmp_path, dimension):
     assert (made.reconstruct(plain) != made.reconstruct(grids)).any()
 
 
+@pytest.mark.parametrize("flips", [0, 3, 16])
+def test_symmetries_that_are_no_group_are_refused(flips):
+    made = tiny_reconstructor()
+    with pytest.raises(InputError, match=f"flips: expected 1, 2, 4 or 8, got {flips}"):
+        made.reconstruct(np.zeros((1, made.grid.cells, made.grid.cells), np.int8), flips=flips)
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("flips", [1, 4, 8])
 def test_what_would_be_known_over_symmetries_by_hand(dimension, flips):

@@ -9,6 +9,7 @@ import torch
 from training_toys import tiny_settings
 
 from hilbertvae.checks import InputError
+from hilbertvae.gaps import NoRoom
 from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.scans.carmen import read_carmen
@@ -80,6 +81,17 @@ def test_the_validation_site_is_seen_as_it_will_be_mapped(prepared):
     every = {(s.tobytes(), t.tobytes()) for shown, target in expected for s, t in zip(shown, target, strict=True)}
     found = [(s.numpy().tobytes(), t.numpy().tobytes()) for s, t in zip(*whole(module.validation_pairs), strict=True)]
     assert len(found) == min(24, sum(len(shown) for shown, _ in expected)) and set(found) <= every
+
+
+def test_a_site_without_room_for_gaps_is_named(prepared, monkeypatch):
+    """Of hundreds, some of them simulated, with the clustering whose angle left no room."""
+
+    def no_room(*_):
+        raise NoRoom("gaps of 3 m: none fits")
+
+    monkeypatch.setattr(kept_grids, "training_grids", no_room)
+    with pytest.raises(InputError, match=r"\.log, clustering \d+: gaps of 3 m: none fits"):
+        module_of(prepared)
 
 
 def test_the_second_run_builds_nothing(prepared, monkeypatch):

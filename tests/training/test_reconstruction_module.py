@@ -99,6 +99,16 @@ def test_a_network_of_another_shape_is_no_start(tmp_path):
         module_of().start_from(str(path))
 
 
+@pytest.mark.parametrize("channels", [[8], [4, 8], [8, 12]])
+def test_a_network_of_another_dimension_is_no_start(tmp_path, channels):
+    """Also where its settings are those of a narrower one, or one with a coarser stem."""
+    path = tiny_reconstructor(3, stem=4, channels=channels, blocks=[1] * len(channels), latent=3).save(tmp_path / "model.safetensors")
+    settings = tiny_settings("run", "cache")
+    module = module_of(network=replace(settings.network, stem=2, channels=[9, *channels], blocks=[1] * (len(channels) + 1), latent=3))
+    with pytest.raises(InputError, match="trainer.initial: .*model.safetensors is a network of 3D, expected 2D"):
+        module.start_from(str(path))
+
+
 def test_a_wider_network_goes_on_from_one_that_was_trained(tmp_path):
     path = tiny_reconstructor(stem=2, channels=[16, 32], blocks=[1, 1], latent=3).save(tmp_path / "model.safetensors")
     settings = tiny_settings("run", "cache")

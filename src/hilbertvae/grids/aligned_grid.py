@@ -122,7 +122,7 @@ def mean_places(cloud: Cloud, frames: Frames, found: Members, cells: int) -> np.
     dimension = frames.centre.shape[1]
     returns = np.flatnonzero(cloud.occupied[found.point])
     box, point, length = found.box[returns], found.point[returns], found.count() * cells**dimension
-    flat, weight = box * cells**dimension + found.cell[returns], cloud.weight[point]
+    flat, weight = box * cells**dimension + found.cell[returns], np.minimum(cloud.weight[point], MOST_WEIGHT)
     total = np.maximum(np.bincount(flat, weights=weight, minlength=length), 1e-9)
     within = (frames.into(cloud.points[point], box + found.frames.start) + 0.5) * cells
     within -= np.floor(within + SLACK) + 0.5

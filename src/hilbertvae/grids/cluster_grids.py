@@ -111,8 +111,14 @@ def bin_shown(cloud: Cloud | IndexedCloud, frames: Frames, settings: GridSetting
 
 
 def bin_voted(cloud: Cloud, frames: Frames, settings: GridSettings, free_share: float) -> np.ndarray:
-    """int8 (M, 2, n, ..., n): labels, and codes (`count_code`) of how many votes each cell has; a free sample is `free_share` of one."""
-    return _bin_channels(cloud, frames, settings, 2, lambda hits, frees: (count_code(hits + free_share * frees),))
+    """int8 (M, 2, n, ..., n): labels, and codes (`count_code`) of how many votes each cell has; a free sample is `free_share` of one. A
+    known cell has at least the lowest code above 0, so that it weighs something."""
+
+    def code(hits: np.ndarray, frees: np.ndarray) -> tuple[np.ndarray]:
+        votes = hits + free_share * frees
+        return (np.where(votes > 0, np.maximum(count_code(votes), 1), 0).astype(np.int8),)
+
+    return _bin_channels(cloud, frames, settings, 2, code)
 
 
 def _bin_channels(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from torch import Tensor
 
@@ -15,11 +17,14 @@ OUTERMOST = ("stem", "head", "known_head")
 
 
 def is_finer(fine: object, coarse: object) -> bool:
-    """Whether a network of settings `fine` has the levels of `coarse` and one more outside of them, with half its stem."""
+    """Whether a network of settings `fine` is that of `coarse` with one level more outside of its own, and half its stem."""
     kinds = {getattr(settings, "kind", None) for settings in (fine, coarse)}
     if kinds != {"gated"} or not shows_no_less(fine.encoding, coarse.encoding):
         return False
-    return fine.stem * 2 == coarse.stem and fine.channels[1:] == coarse.channels and fine.blocks[1:] == coarse.blocks
+    # What inner levels are made of may not differ: what they would lack stayed fresh, and they would say something else.
+    free = {name: getattr(coarse, name) for name in ("stem", "channels", "blocks", "encoding", "known", "dropout")}
+    levels = fine.channels[1:] == coarse.channels and fine.blocks[1:] == coarse.blocks
+    return fine.stem * 2 == coarse.stem and levels and replace(fine, **free) == coarse
 
 
 def finer_weights(coarse: dict[str, Tensor], fine: GatedNetwork) -> dict[str, Tensor]:

@@ -8,19 +8,28 @@ from dataclasses import replace
 
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.training_card import stages
 
 
 def mean_of(before: Reconstructor, after: Reconstructor) -> Reconstructor:
     """`after` with the mean of its weights and those of `before`, and without map's weights, which were learned for others. The one may
     have had larger boxes than the other, of cells as large, if its weights are as many. Raises `InputError` for networks that differ in
-    more."""
+    more, and where the card of `after` does not name all that `before` was trained on."""
     kinds, shapes = zip(*map(_kind, (before, after)), strict=True)
     if kinds[0] != kinds[1] or shapes[0] != shapes[1]:
         first, other = ((*kind, f"{made.grid.cells} cells") for kind, made in zip(kinds, (before, after), strict=True))
         raise InputError(f"checkpoint: expected a network of {first}, as the one before it, got {other}")
+    if further := _trained_on(before) - _trained_on(after):
+        raise InputError(
+            f"checkpoint: expected a network that goes on from the one before it, which was trained on {sorted(further)[0]}, too"
+        )
     network, old = copy.deepcopy(after.network), before.network.state_dict()
     network.load_state_dict({key: (value + old[key]) / 2 for key, value in network.state_dict().items()})
     return replace(after, network=network, map_weights={}, card={**after.card, "mean_with_step_before": True})
+
+
+def _trained_on(made: Reconstructor) -> set[str]:
+    return {site for stage in stages(made.card) for site in stage.get("trained_on", [])}
 
 
 def _kind(made: Reconstructor) -> tuple[tuple, dict]:

@@ -26,7 +26,7 @@ from hilbertvae.reconstruction.networks import NetworkSettings, build_network, n
 from hilbertvae.reconstruction.packed_weights import pack, unpack
 from hilbertvae.reconstruction.precision import fast_autocast
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
-from hilbertvae.reconstruction.symmetry import apply, apply_channels, symmetries, undo
+from hilbertvae.reconstruction.symmetry import apply, apply_channels, check_flips, symmetries, undo
 
 FORMAT = "hilbertvae-reconstructor-1"
 
@@ -86,6 +86,7 @@ class Reconstructor:
         """
         network = self.network.eval().to(device)
         kernel_value = LIKELIHOODS[self.likelihood.kind].kernel_value
+        check_flips(flips)
         chosen = symmetries(self.dimension)[:flips]
         labels, move = labels_of(grids, self.dimension), apply_channels if self.detailed else apply
         value = np.empty(labels.shape, np.float16)

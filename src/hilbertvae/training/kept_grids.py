@@ -14,6 +14,7 @@ from hilbertvae.files import atomic, hash_of
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.progress import track
 from hilbertvae.reconstruction.blocks import is_detailed
+from hilbertvae.scans.file_points import named
 from hilbertvae.training.settings import Settings
 
 VALIDATION_SEEDS = (1_000_001, 1_000_002)
@@ -95,9 +96,10 @@ def draw_seed(contents: dict, seed: int) -> int:
 
 
 def _build(path: Path, name: str, contents: dict, seed: int, settings: Settings) -> None:
-    scans = settings.source().scans(name)
     how = _clustering(seed, settings), draw_seed(contents, seed), is_detailed(settings.network), is_voted(settings)
-    pair = training_grids(scans, settings.resolution_m, settings.grid, *how)
+    scans = settings.source().scans(name)
+    with named(f"{name}, clustering {seed}"):
+        pair = training_grids(scans, settings.resolution_m, settings.grid, *how)
     channels = [grids if grids.ndim == settings.dimension + 2 else grids[:, None] for grids in pair]
     with atomic(path) as temporary:
         np.save(temporary, np.concatenate(channels, axis=1))

@@ -42,6 +42,8 @@ class ReconstructionModule(L.LightningModule):
         with fewer channels (`wider_levels.py`). One with twice the stem becomes the inner levels of this one (`finer_stem.py`).
         """
         trained = Reconstructor.load(checkpoint)
+        if trained.dimension != self.settings.dimension:
+            raise InputError(f"trainer.initial: {checkpoint} is a network of {trained.dimension}D, expected {self.settings.dimension}D")
         found = trained.network.state_dict()
         if is_finer(self.settings.network, trained.network_settings):
             found = finer_weights(found, self.network)
