@@ -41,7 +41,7 @@ def cells_surface(cells: MapCells) -> Surface:
         if key in blocks:
             blocks[key][tuple((cells.index[rows] % BLOCK).T)] = cells.probability[rows]
     occupied = cells.select(cells.occupied)
-    surface = field_surface(Field(blocks, cells.resolution_m), occupied.centres, OCCUPIED_ABOVE)
+    surface = field_surface(Field(blocks, cells.resolution_m), np.empty((0, 3)), OCCUPIED_ABOVE)  # cells say what was seen, not points
     if not len(surface):
         return surface
     return replace(surface, observed=occupied.observed[cKDTree(occupied.centres).query(surface.vertices)[1]])

@@ -26,9 +26,9 @@ SECTIONS = ("network", "grid", "likelihood", "trainer")
 def headlines(result: Result) -> dict[str, float]:
     """The headline scores of the run's own map, means over gap seeds; of a run without a network, of its first mapper. A map that failed
     has none, and none stands in for it."""
-    found, names = {}, [*result.scores, *result.failed]
+    found = {}
     for tag, (reading, region, metric) in HEADLINES.items():
-        for name in champions(names, reading)[:1] or result.scores:
+        for name in champions(result.mappers(), reading)[:1] or result.scores:
             values = result.values(name, reading, region, metric)
             if values:
                 found[tag] = float(np.mean(values))

@@ -30,6 +30,10 @@ class Result:
     failed: dict[str, str] = field(default_factory=dict)
     protocol: dict = field(default_factory=dict)
 
+    def mappers(self) -> list[str]:
+        """Names of all that were to be scored, those that failed after the others."""
+        return [*self.scores, *self.failed]
+
     def regions(self, mapper: str, reading: str) -> dict[str, dict[str, list[float]]]:
         """Metrics by region; none where it was not scored."""
         return self.scores.get(mapper, {}).get(reading, {})

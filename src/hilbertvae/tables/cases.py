@@ -72,6 +72,6 @@ def case_tables(
 def champions(group: Group) -> tuple[str | None, str | None]:
     """The rows of the group's network that are calibrated for points and for voxels, also where they failed in some of its runs, or all:
     no other row stands in for one."""
-    names = dict.fromkeys(name for run in group.values() for name in (*run.result.scores, *run.result.failed))
+    names = dict.fromkeys(name for run in group.values() for name in run.result.mappers())
     points, voxels = (next(iter(network_rows(names, reading)), None) for reading in ("points", "voxels"))
     return points, voxels

@@ -72,8 +72,8 @@ class Run:
         return [float(number) for number in self.result.maps.get(mapper, {}).get(what, [])]
 
     def champion(self, reading: str) -> str | None:
-        """The row of the run's network that is calibrated for a reading, else any of its network's."""
-        return next(iter(champions(self.result.scores, reading)), None)
+        """The row of the run's network that is calibrated for a reading, also where it failed; any of its network's if there was none."""
+        return next(iter(champions(self.result.mappers(), reading)), None)
 
     @property
     def scored(self) -> bool:
