@@ -240,8 +240,30 @@ class TestErrors:
 
     def test_nor_is_one_below_a_setting(self, tmp_path):
         inner = {"_target_": "os.system", "command": f"touch {tmp_path / 'made'}"}
-        (mapper,) = build_mappers({"evil": {"_target_": f"{NearestMapper.__module__}.NearestMapper", "neighbours": inner}}).values()
-        assert mapper.neighbours == inner and not (tmp_path / "made").exists()
+        with pytest.raises(InputError, match="mapper.evil.neighbours: expected a whole number of at least 1, got {'_target_'"):
+            build_mappers({"evil": {"_target_": f"{NearestMapper.__module__}.NearestMapper", "neighbours": inner}})
+        assert not (tmp_path / "made").exists()
+
+    @pytest.mark.parametrize(
+        "target, setting, value, said",
+        [
+            ("nearest.NearestMapper", "neighbours", 0, "a whole number of at least 1"),
+            ("fixed_grid.FixedGridMapper", "gamma_per_m2", -1.0, "a positive number"),
+            ("fixed_grid.FixedGridMapper", "epochs", 1.5, "a whole number of at least 1"),
+            ("lard.LardMapper", "inner_radius_m", 9.0, "at most outer_radius_m"),
+            ("gpom.GpomMapper", "kernel", "cubic", "one of matern, neural-network"),
+            ("fourier_features.FourierMapper", "components", "many", "a whole number of at least 1"),
+            ("nystroem_features.NystroemMapper", "gamma_per_m2", 0, "a positive number"),
+            ("octomap_mapper.OctoMapMapper", "prob_hit", 0.3, "a probability between 0.5 and 1"),
+            ("octomap_mapper.OctoMapMapper", "resolution_m", 0, "a positive number"),
+            ("constant.ConstantMapper", "probability", 1.5, "a share in"),
+            ("hilbert_map.HilbertMap", "evidence", "maybe", "True or False"),
+            ("hilbert_map.HilbertMap", "adapt_steps", -1, "a whole number of at least 0"),
+        ],
+    )
+    def test_a_setting_that_makes_no_map_is_refused_before_a_network_is_trained_for_it(self, target, setting, value, said):
+        with pytest.raises(InputError, match=f"^mapper.mine.{setting}: expected {said}"):
+            build_mappers({"mine": {"_target_": f"hilbertvae.mappers.{target}", setting: value}})
 
     def test_a_mapper_s_seed_is_the_gap_seed(self):
         with pytest.raises(InputError, match="mapper.nearest.seed: expected none"):

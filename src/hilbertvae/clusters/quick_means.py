@@ -17,6 +17,15 @@ MANY_POINTS = 10**6
 """From so many points on, a ball of the walk costs reads from memory rather than from the processor's cache."""
 
 
+def check_radii(outer_radius_m: float, inner_radius_m: float, minimum_points: int) -> None:
+    """An `InputError` that names the one which makes no clusters."""
+    check_positive(outer_radius_m, "outer_radius_m")
+    check_positive(inner_radius_m, "inner_radius_m")
+    check_whole(minimum_points, "minimum_points")
+    if inner_radius_m > outer_radius_m:
+        raise InputError(f"inner_radius_m: expected at most outer_radius_m ({outer_radius_m}), got {inner_radius_m}")
+
+
 def quick_means(points: np.ndarray, outer_radius_m: float, inner_radius_m: float, minimum_points: int = 1, seed: int = 0) -> Clusters:
     """Clusters of `points (N, D)`: each is a seed point and everything within the outer radius, so clusters overlap.
 
@@ -25,11 +34,7 @@ def quick_means(points: np.ndarray, outer_radius_m: float, inner_radius_m: float
     if its outer ball, over all points, has more than `minimum_points` members.
     """
     points = check_points(points, "points")
-    check_positive(outer_radius_m, "outer_radius_m")
-    check_positive(inner_radius_m, "inner_radius_m")
-    check_whole(minimum_points, "minimum_points")
-    if inner_radius_m > outer_radius_m:
-        raise InputError(f"inner_radius_m: expected at most outer_radius_m ({outer_radius_m}), got {inner_radius_m}")
+    check_radii(outer_radius_m, inner_radius_m, minimum_points)
     tree = search_tree(points)
     drawn, inner_sizes = _draw_seeds(tree, inner_radius_m, np.random.default_rng(seed))
     kept = inner_sizes > minimum_points  # an outer ball has no fewer points than the inner one, so only the others are counted

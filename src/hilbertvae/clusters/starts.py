@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_points, check_positive, check_whole
+from hilbertvae.checks import InputError, check_points, check_positive
 from hilbertvae.clusters.ask_means import ask_means
 from hilbertvae.clusters.clusters import Clusters, clusters_around
 from hilbertvae.clusters.kmeans_parallel import kmeans_parallel
 from hilbertvae.clusters.kmeans_plus_plus import kmeans_plus_plus
-from hilbertvae.clusters.quick_means import quick_means
+from hilbertvae.clusters.quick_means import check_radii, quick_means
 from hilbertvae.clusters.random_start import random_start
 
 
@@ -61,9 +61,5 @@ def find_clusters(
     if start == "quick_means":
         return quick_means(points, outer_radius_m, inner_radius_m, minimum_points, seed)  # the same, without counting large balls
     points = check_points(points, "points")
-    check_positive(outer_radius_m, "outer_radius_m")
-    check_positive(inner_radius_m, "inner_radius_m")
-    check_whole(minimum_points, "minimum_points")
-    if inner_radius_m > outer_radius_m:
-        raise InputError(f"inner_radius_m: expected at most outer_radius_m ({outer_radius_m}), got {inner_radius_m}")
+    check_radii(outer_radius_m, inner_radius_m, minimum_points)
     return clusters_around(points, STARTS[start](points, inner_radius_m, seed), outer_radius_m, minimum_points)

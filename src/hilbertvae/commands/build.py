@@ -34,9 +34,9 @@ def _build_mapper(name: str, specification: dict) -> Mapper:
         raise InputError(f"mapper.{name}: {str(error).splitlines()[-1] if str(error) else error} ({error.__cause__})") from error
     if not isinstance(mapper, Mapper):
         raise InputError(f"mapper.{name}._target_: expected a Mapper, got {type(mapper).__name__}")
-    if isinstance(mapper, HilbertMap):  # before a network is trained for it
-        with _under(f"mapper.{name}"):
-            mapper.check_settings()
+    with _under(f"mapper.{name}"):  # before a network is trained for it
+        mapper.check_settings()
+        if isinstance(mapper, HilbertMap):
             if not (mapper.reconstructor is None or (isinstance(mapper.reconstructor, str) and mapper.reconstructor)):
                 wanted = f"{TRAINED}, a checkpoint's path or name, or null"
                 raise InputError(f"reconstructor: expected {wanted}, got {mapper.reconstructor!r}")

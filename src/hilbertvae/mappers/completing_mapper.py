@@ -54,7 +54,17 @@ class CompletingMapper(Mapper):
         return self
 
     def check_settings(self) -> None:
-        """An `InputError` that names the setting which no map can have."""
+        super().check_settings()
+        self.check_kept_settings()
+        for name in ("evidence", "fill"):
+            if not isinstance(value := getattr(self, name), (bool, np.bool_)):
+                raise InputError(f"{name}: expected True or False, got {value!r}")
+        if not (self.fill or self.evidence):
+            raise InputError("evidence: expected True without fill, where nothing else answers")
+        self._check_adaptation()
+
+    def check_kept_settings(self) -> None:
+        """An `InputError` that names one of those which a fitted map goes on asking, and its file keeps."""
         check_count(self.neighbours, "neighbours")
         for flips in (self.flips, getattr(self, "flips_", None)):  # as set, and as it is in a map's file
             check_flips(flips)
@@ -78,11 +88,6 @@ class CompletingMapper(Mapper):
         if self.reconstructor is not None and self.reconstructor.dimension != dimension:
             raise InputError(f"points: the network is for {self.reconstructor.dimension}D, got {dimension}D points")
         check_device(self.device)
-        for name in ("evidence", "fill"):
-            if not isinstance(value := getattr(self, name), (bool, np.bool_)):
-                raise InputError(f"{name}: expected True or False, got {value!r}")
-        if not (self.fill or self.evidence):
-            raise InputError("evidence: expected True without fill, where nothing else answers")
 
     @property
     def detailed_(self) -> bool:

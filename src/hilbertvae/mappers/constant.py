@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from hilbertvae.checks import InputError, check_not_negative
+from hilbertvae.checks import InputError, check_share
 from hilbertvae.mappers.mapper import Mapper
 
 
@@ -26,9 +26,12 @@ class ConstantMapper(_DeafMapper):
     def __init__(self, probability=1.0):
         self.probability = probability
 
+    def check_settings(self) -> None:
+        super().check_settings()
+        check_share(self.probability, "probability")
+
     def _fit(self, points, occupied, weight):
-        if check_not_negative(self.probability, "probability") > 1:
-            raise InputError(f"probability: expected a number from 0 to 1, got {self.probability!r}")
+        pass
 
     def _probability(self, queries):
         return np.full(len(queries), float(self.probability))

@@ -79,8 +79,8 @@ class DenseFeatureMapper(LogisticMapper):
     def _probability(self, queries):
         return expit(self.features_.weighted_sum(queries, self.weights_) + self.intercept_)
 
-    def _check_settings(self) -> None:
-        super()._check_settings()
+    def check_settings(self) -> None:
+        super().check_settings()
         check_positive(self.gamma_per_m2, "gamma_per_m2")
         check_count(self.components, "components")
         check_count(self.seed, "seed", most=2**32 - 1, least=0)  # what scikit-learn's features take

@@ -42,9 +42,13 @@ class FixedGridMapper(LogisticMapper):
         self.rate = rate
         self.seed = seed
 
+    def check_settings(self) -> None:
+        super().check_settings()
+        check_positive(self.spacing_m, "spacing_m")
+        check_positive(self.gamma_per_m2, "gamma_per_m2")
+
     def _feature_map(self, points, occupied, weight):
-        spacing_m, gamma_per_m2 = check_positive(self.spacing_m, "spacing_m"), check_positive(self.gamma_per_m2, "gamma_per_m2")
         if points.shape[1] <= 3:
-            return GridFeatures(points, spacing_m, gamma_per_m2)
+            return GridFeatures(points, self.spacing_m, self.gamma_per_m2)
         # With more axes the nodes within reach outnumber those that there are: these are searched.
-        return RadialFeatures(grid_nodes(points, spacing_m) * spacing_m, gamma_per_m2, SMALLEST, spacing_m)
+        return RadialFeatures(grid_nodes(points, self.spacing_m) * self.spacing_m, self.gamma_per_m2, SMALLEST, self.spacing_m)

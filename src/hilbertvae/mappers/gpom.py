@@ -87,7 +87,6 @@ class GpomMapper(Mapper):
         self.slope = slope
 
     def _fit(self, points, occupied, weight):
-        self._check_settings()
         if self.free_spacing_m is not None:
             free_points, free_weight = _thinned(points[~occupied], weight[~occupied], self.free_spacing_m)
             points, weight = np.concatenate([points[occupied], free_points]), np.concatenate([weight[occupied], free_weight])
@@ -135,7 +134,8 @@ class GpomMapper(Mapper):
         variance = kernel[:, -1, -1] - (of_query * of_query).sum(axis=1)
         return (of_query * of_label).sum(axis=1), np.maximum(variance, 0.0)
 
-    def _check_settings(self) -> None:
+    def check_settings(self) -> None:
+        super().check_settings()
         if self.kernel not in KERNELS:
             raise InputError(f"kernel: expected one of {', '.join(KERNELS)}, got {self.kernel!r}")
         check_count(self.neighbours, "neighbours")

@@ -120,8 +120,6 @@ class HilbertMap(GrowingMapper):
             raise InputError(f"points: expected 2 or 3 coordinates, got {dimension}")
         self._check_network(dimension)
         self.flips_ = FLIPS[dimension] if self.flips is None else self.flips
-        self.check_settings()
-        self._check_adaptation()
         resolution_m = float(self.resolution_m or (network.resolution_m if network else RESOLUTION_M[dimension]))
         self.grid_ = self.grid or (network.grid if network else voxel_grid(resolution_m))
         if self.inner_radius_m is not None:

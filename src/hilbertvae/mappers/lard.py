@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from hilbertvae.checks import check_positive
 from hilbertvae.clusters.clusters import Clusters
-from hilbertvae.clusters.quick_means import quick_means
+from hilbertvae.clusters.quick_means import check_radii, quick_means
 from hilbertvae.cores import workers
 from hilbertvae.mappers.logistic import LogisticMapper
 from hilbertvae.sums import sums_by
@@ -92,8 +92,12 @@ class LardMapper(LogisticMapper):
         self.rate = rate
         self.seed = seed
 
+    def check_settings(self) -> None:
+        super().check_settings()
+        check_radii(self.outer_radius_m, self.inner_radius_m, self.minimum_points)
+        check_positive(self.thickness_m, "thickness_m")
+
     def _feature_map(self, points, occupied, weight):
-        thickness_m = check_positive(self.thickness_m, "thickness_m")
         returns = points[occupied]
         clusters = quick_means(returns, self.outer_radius_m, self.inner_radius_m, self.minimum_points, self.seed)
-        return ClusterFeatures(returns, weight[occupied], clusters, thickness_m)
+        return ClusterFeatures(returns, weight[occupied], clusters, self.thickness_m)

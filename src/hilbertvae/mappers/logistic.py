@@ -116,7 +116,6 @@ class LogisticMapper(Mapper):
         raise NotImplementedError
 
     def _fit(self, points, occupied, weight):
-        self._check_settings()
         self.features_ = self._feature_map(points, occupied, weight)
         self.weights_, self.intercept_ = fit_logistic(
             self._design(points),
@@ -143,7 +142,8 @@ class LogisticMapper(Mapper):
         check_is_fitted(self)
         return len(self.weights_)
 
-    def _check_settings(self) -> None:
+    def check_settings(self) -> None:
+        super().check_settings()
         check_positive(self.rate, "rate")
         for name in ("epochs", "batch_size"):
             check_count(getattr(self, name), name)

@@ -1,7 +1,8 @@
 """The contract of every mapper: a scikit-learn classifier of points into free and occupied.
 
 A new mapper subclasses `Mapper`, takes its settings as keyword arguments of `__init__` (stored unchanged under their own names),
-and implements `_fit` and `_probability`. Everything else (checks, labels, chunks, `predict`) stands here once.
+says in `check_settings` which make no map, and implements `_fit` and `_probability`. Everything else (labels, chunks, `predict`) stands
+here once.
 """
 
 from __future__ import annotations
@@ -178,8 +179,12 @@ class Mapper(ClassifierMixin, BaseEstimator):
         """Of how many clusters, or centres of features, the fitted map is made; None for one that has no such thing."""
         return None
 
-    def _checked_cloud(self, points, y, sample_weight, first: bool = True):
+    def check_settings(self) -> None:
+        """An `InputError` that names a setting that makes no map; `fit` asks, and who trains a network for it does first."""
         check_whole(getattr(self, "seed", 0), "seed")
+
+    def _checked_cloud(self, points, y, sample_weight, first: bool = True):
+        self.check_settings()
         for name, values in (("points", points), ("y", y), ("sample_weight", sample_weight)):
             refuse_masked(values, name)
         try:

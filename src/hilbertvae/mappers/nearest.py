@@ -16,8 +16,11 @@ class NearestMapper(Mapper):
     def __init__(self, neighbours=1):
         self.neighbours = neighbours
 
-    def _fit(self, points, occupied, weight):
+    def check_settings(self) -> None:
+        super().check_settings()
         check_count(self.neighbours, "neighbours")
+
+    def _fit(self, points, occupied, weight):
         # Sorted, so that which of equally near points gets a vote does not hang on the order in which they were given.
         order = np.lexsort([occupied, *points.T])
         self.tree_ = cKDTree(points[order])

@@ -50,11 +50,21 @@ class OctoMapMapper(Mapper):
         self.clamp_min = clamp_min
         self.clamp_max = clamp_max
 
+    def check_settings(self) -> None:
+        super().check_settings()
+        if self.resolution_m is not None:
+            check_positive(self.resolution_m, "resolution_m")
+        limits = {"prob_hit": (0.5, 1), "prob_miss": (0, 0.5), "clamp_min": (0, 0.5), "clamp_max": (0.5, 1)}
+        for name, (low, high) in limits.items():
+            value = getattr(self, name)
+            if not low < check_positive(value, name) < high:
+                raise InputError(f"{name}: expected a probability between {low} and {high}, got {value!r}")
+
     def _fit(self, points, occupied, weight):
         dimension = points.shape[1]
         if dimension not in RESOLUTION_M:
             raise InputError(f"points: expected shape (N, 2) or (N, 3), got {points.shape}")
-        self.resolution_ = RESOLUTION_M[dimension] if self.resolution_m is None else check_positive(self.resolution_m, "resolution_m")
+        self.resolution_ = RESOLUTION_M[dimension] if self.resolution_m is None else float(self.resolution_m)
         tree = self._with_settings(octomap.OcTree(self.resolution_))
         self.shift_ = voxel_shift(points, self.resolution_)
         keys = self._keys(points)
@@ -113,11 +123,7 @@ class OctoMapMapper(Mapper):
         return keys
 
     def _with_settings(self, tree: octomap.OcTree) -> octomap.OcTree:
-        limits = {"prob_hit": (0.5, 1), "prob_miss": (0, 0.5), "clamp_min": (0, 0.5), "clamp_max": (0.5, 1)}
-        for name, (low, high) in limits.items():
-            value = getattr(self, name)
-            if not low < check_positive(value, name) < high:
-                raise InputError(f"{name}: expected a probability between {low} and {high}, got {value!r}")
+        self.check_settings()
         tree.setProbHit(self.prob_hit)
         tree.setProbMiss(self.prob_miss)
         tree.setClampingThresMin(self.clamp_min)

@@ -47,7 +47,7 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
         raise InputError(f"{path}: expected a HilbertMap to save, got {type(mapper).__name__}")
     check_is_fitted(mapper)
     try:
-        mapper.check_settings()
+        mapper.check_kept_settings()
         _rank_weights(mapper.rank_weights_.plain(), mapper)
     except InputError as error:
         raise InputError(f"{path}: a setting was changed after the map was made, so that it could not be read back; {error}") from error
@@ -130,7 +130,7 @@ def _restored(described: dict, arrays: dict[str, np.ndarray], network: RecordedN
         raise InputError(f"dimension: expected 2 or 3, got {str(dimension)[:40]}")
     mapper.evidence_joins_, mapper.fills_, mapper.completes_ = mapper.evidence, mapper.fill, network
     mapper.grid_, mapper.flips_ = GridSettings.from_plain(described["grid"]), described["flips"]
-    mapper.check_settings()
+    mapper.check_kept_settings()
     evidence = {name.removeprefix(EVIDENCE): array for name, array in arrays.items() if name.startswith(EVIDENCE)}
     mapper.evidence_ = evidence_of(evidence, dimension, check_positive(described["resolution_m"], "resolution_m"))
     mapper.rank_weights_ = _rank_weights(described["rank_weights"], mapper)
