@@ -60,6 +60,29 @@ def test_voxels_of_a_solid_map_come_back(tmp_path):
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("std", [0.0, np.nan])
+def test_where_nobody_was_asked_how_sure_it_is_the_page_does_not_say(dimension, std, tmp_path):
+    cells = some_cells(dimension)
+    asked = [mode["name"] for mode in data_of(write_page(cells, tmp_path / "map.html", "a map", TABLES))["modes"]]
+    cells.std[:] = std
+    assert asked[-1] == "uncertainty"
+    assert [mode["name"] for mode in data_of(write_page(cells, tmp_path / "map.html", "a map", TABLES))["modes"]] == asked[:-1]
+
+
+def test_a_solid_map_without_anything_occupied_says_so(tmp_path):
+    cells = some_cells(3)
+    assert "nothing is occupied" not in write_page(cells, tmp_path / "map.html", "a map", TABLES).read_text()
+    cells.probability[:] = 0.3
+    assert "nothing is occupied" in write_page(cells, tmp_path / "map.html", "a map", TABLES).read_text()
+
+
+def test_a_page_in_coarser_cells_says_so(tmp_path, monkeypatch):
+    assert "shown in cells of" not in write_page(some_cells(2), tmp_path / "map.html", "a map", TABLES).read_text()
+    monkeypatch.setattr("hilbertvae.exports.page.MOST_PIXELS", 12)
+    assert "shown in cells of 0.2 m" in write_page(some_cells(2), tmp_path / "map.html", "a map", TABLES).read_text()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
 def test_nothing_is_fetched_and_nothing_is_markup_that_should_not_be(dimension, tmp_path):
     text = write_page(some_cells(dimension), tmp_path / "map.html", "</script><b>drive", TABLES).read_text()
     assert not re.search(r"""(src|href)\s*=\s*["']|https?://|@import|url\(""", text)
@@ -146,6 +169,29 @@ def test_what_a_reader_can_do_on_it(dimension, tmp_path):
     modes = [mode["name"] for mode in data_of(tmp_path / "before.html")["modes"]]
     other = after("other", f"const m = document.getElementById('mode-' + {modes[-1]!r}); m.checked = true; m.onchange();")
     assert (other != before).any(axis=2).mean() > 0.05
+    closer = after("closer", "for (let n = 0; n < 3; n++) document.getElementById('closer').click();")
+    assert (closer != before).any(axis=2).mean() > 0.05
+    there_and_back = "for (const id of ['farther', 'closer', 'closer', 'whole']) document.getElementById(id).click();"
+    np.testing.assert_array_equal(after("whole", there_and_back), before)
     if dimension == 3:
         turned = after("turned", "window.turn(0.7, 0.5);")
         assert (turned != before).any(axis=2).mean() > 0.05
+
+
+@pytest.mark.skipif(browser() is None, reason="no Chromium here")
+def test_the_place_under_the_pointer_is_told(tmp_path):
+    page = write_page(some_cells(2), tmp_path / "map.html", "a map", TABLES)
+    low, high = np.array([50_000, -70_000]) - 12, np.array([50_000, -70_000]) + 12  # of 400 cells some lie along each side
+    middle = "{clientX: s.offsetLeft + s.clientWidth / 2, clientY: s.offsetTop + s.clientHeight / 2}"
+    act = f"const v = document.getElementById('view'), s = v.parentElement; v.dispatchEvent(new PointerEvent('pointermove', {middle}));"
+    told, _ = shown_by_browser(page, tmp_path, act)
+    place = [float(number) for number in re.search(r'id="place">([-\d.]+), ([-\d.]+) m<', told).groups()]
+    np.testing.assert_allclose(place, (low + high) / 2 * 0.1, atol=0.06)
+
+
+@pytest.mark.skipif(browser() is None, reason="no Chromium here")
+def test_a_browser_that_draws_no_solid_things_says_so(tmp_path):
+    page = write_page(sheet(3), tmp_path / "map.html", "a map", TABLES)
+    page.write_text(page.read_text().replace('"use strict";', "HTMLCanvasElement.prototype.getContext = () => null;", 1))
+    told, _ = shown_by_browser(page, tmp_path)
+    assert "The map can't be shown: this browser draws no WebGL" in told and "data-ready" not in told.split("<script")[0]

@@ -1,3 +1,5 @@
+import os
+import subprocess
 import sys
 
 import numpy as np
@@ -26,6 +28,26 @@ def test_rerun_reads_observed_and_predicted_cells(tmp_path, dimension, offset_m)
         np.testing.assert_array_equal(places[:, dimension:], 0)
         np.testing.assert_allclose(chunks[name]["probability"][0], chosen.probability)
         assert len(chunks[name]["Points3D:colors"][0]) == len(chosen)
+
+
+def test_a_map_without_predictions_is_a_recording_too(tmp_path, recwarn):
+    pytest.importorskip("rerun", reason="needs the extra rerun")
+    from rerun.chunk import RrdReader
+
+    cells = random_cells(3)
+    cells.observed[:] = True
+    paths = {chunk.entity_path for chunk in RrdReader(write_rerun(cells, tmp_path / "map.rrd")).stream()}
+    assert "/map/observed" in paths and not recwarn.list
+
+
+def test_where_rerun_is_switched_off_nothing_is_written(tmp_path):
+    pytest.importorskip("rerun", reason="needs the extra rerun")
+    write = "from export_toys import random_cells; from hilbertvae.exports.rerun_recording import write_rerun"
+    command = [sys.executable, "-c", f"{write}; write_rerun(random_cells(2), {str(tmp_path / 'map.rrd')!r})"]
+    environment = {**os.environ, "RERUN": "off", "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode != 0 and "map.rrd: Rerun is switched off by the environment variable RERUN" in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_without_the_extra_the_error_names_it(tmp_path, monkeypatch):

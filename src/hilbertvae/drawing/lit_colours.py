@@ -34,6 +34,10 @@ def surface_colours(surface: Surface, ground: Ground | None = None) -> np.ndarra
 def height_colours(height_m: np.ndarray, predicted: np.ndarray) -> np.ndarray:
     """(N, 3) uint8 by `height_m (N,)` above the ground, tinted where `predicted (N,)`."""
     low, high = HEIGHTS_M
-    colours = HEIGHT(np.clip((height_m - low) / (high - low), 0, 1))[:, :3]
-    colours[predicted] = (1 - PREDICTED_SHARE) * colours[predicted] + PREDICTED_SHARE * np.array(to_rgb(GAP_TINT))
+    return tinted(HEIGHT(np.clip((height_m - low) / (high - low), 0, 1))[:, :3], predicted)
+
+
+def tinted(colours: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+    """(N, 3) uint8: `colours (N, 3)` from 0 to 1, with a tint where `predicted (N,)`."""
+    colours = np.where(predicted[:, None], (1 - PREDICTED_SHARE) * colours + PREDICTED_SHARE * np.array(to_rgb(GAP_TINT)), colours)
     return np.round(colours * 255).astype(np.uint8)

@@ -28,8 +28,8 @@ from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
 TEMPLATE = Path(__file__).with_suffix(".html")
 MOST_CELLS = 1_500_000
 """In 3D more voxels than these are joined, two to a side, until they fit: a browser has to hold and turn them."""
-MOST_PIXELS = 8_000
-"""Along a side of a 2D map's picture; browsers refuse much larger ones."""
+MOST_PIXELS = 4_096
+"""Along a side of a 2D map's picture: a browser holds eight of them, and those of phones refuse larger ones."""
 
 
 def write_page(cells: MapCells, path: str | os.PathLike, title: str, tables: dict[str, list[list[str]]]) -> Path:
@@ -40,11 +40,13 @@ def write_page(cells: MapCells, path: str | os.PathLike, title: str, tables: dic
     if not len(cells):
         raise InputError(f"{path}: expected a map with known cells, got none")
     data = _flat(cells) if cells.dimension == 2 else _solid(cells)
-    hint = "drag to move" if data["dimension"] == 2 else "drag to turn, with shift to move"
+    hint = "drag to move" if data["dimension"] == 2 else "drag to turn, with shift or two fingers to move"
+    coarser = f"; shown in cells of {data['resolution_m']:g} m" if data["resolution_m"] > cells.resolution_m else ""
+    nothing = "" if cells.occupied.any() or data["dimension"] == 2 else "; nothing is occupied, this is the likeliest cell"
     text = Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
         title=html.escape(title),
         unknown=to_hex(PROBABILITY(0.5)),
-        hint=f"{hint}, wheel to come closer",
+        hint=f"{hint}, wheel to come closer{coarser}{nothing}",
         tables="".join(_table(heading, rows) for heading, rows in tables.items()),
         data=json.dumps(data).replace("</", "<\\/"),
     )
@@ -74,12 +76,17 @@ def _flat(cells: MapCells) -> dict:
     tint = np.zeros_like(solid)
     tint[~cells.observed] = (*_byte(to_rgb(GAP_COLOUR)), 110)
     likely = picture(_byte(PROBABILITY(cells.probability.astype(float))))
-    modes = [
-        {**_mode("probability", PROBABILITY, "free", "occupied"), "image": likely},
-        {**_mode("uncertainty", UNCERTAINTY, "sure", "unsure"), "image": picture(_byte(UNCERTAINTY(_uncertainty(cells))))},
-    ]
-    observed = picture(solid * cells.observed[:, None])
-    return {"dimension": 2, "resolution_m": cells.resolution_m, "observed": observed, "tint": picture(tint), "modes": modes}
+    modes = [{**_mode("probability", PROBABILITY, "free", "occupied"), "image": likely}]
+    if _asked_how_sure(cells):
+        modes.append({**_mode("uncertainty", UNCERTAINTY, "sure", "unsure"), "image": picture(_byte(UNCERTAINTY(_uncertainty(cells))))})
+    return {
+        "dimension": 2,
+        "resolution_m": cells.resolution_m,
+        "corner_m": (low * cells.resolution_m).tolist(),
+        "observed": picture(solid * cells.observed[:, None]),
+        "tint": picture(tint),
+        "modes": modes,
+    }
 
 
 def _solid(cells: MapCells) -> dict:
@@ -109,8 +116,12 @@ def _solid(cells: MapCells) -> dict:
         "ramps": _packed(np.stack([*ramps, ramps[-1]])),
         "tint": to_rgb(GAP_COLOUR),
         "background": to_rgb("#e9ecef"),
-        "modes": [_mode(name, *how) for name, how in maps.items()],
+        "modes": [_mode(name, *how) for name, how in maps.items() if name != "uncertainty" or _asked_how_sure(occupied)],
     }
+
+
+def _asked_how_sure(cells: MapCells) -> bool:
+    return bool((cells.std > 0).any())  # NaN from a mapper that can't tell, 0 where no network was asked
 
 
 def _uncertainty(cells: MapCells) -> np.ndarray:
