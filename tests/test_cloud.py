@@ -178,6 +178,15 @@ def test_cloud_from_scans_takes_lists_and_arrays(room):
     np.testing.assert_array_equal(one.points, cloud_from_scans(sweeps[:1], places[:1]).points)
 
 
+def test_scans_of_one_length_may_come_as_one_array(room):
+    points, origins = room.scans.points[:60].reshape(3, 20, 2), room.scans.origins[[0, 20, 40]]
+    found, expected = cloud_from_scans(points, origins), cloud_from_scans(list(points), origins)
+    for name in ("points", "occupied", "weight"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    with pytest.raises(InputError, match=r"points.*: expected no masked values, got 1"):
+        cloud_from_scans(np.ma.masked_equal(points, points[0, 0, 0]), origins)
+
+
 def test_the_resolution_follows_the_dimension_unless_given(box):
     scans = box.scans.select(box.scans.scan == 0)
     for given_m, used_m in ((None, 0.2), (0.5, 0.5)):
@@ -191,7 +200,14 @@ def test_the_resolution_follows_the_dimension_unless_given(box):
         ([], [[0.0, 0.0]], "points: expected shape"),
         (np.empty((0, 2)), [0.0, 0.0], "points: expected at least one point"),
         (np.ones((5, 4)), np.ones(4), "points: expected shape"),
-        ([[0.0, np.nan]], [0.0, 0.0], "points: expected finite"),
+        ([[0.0, np.nan]], [0.0, 0.0], "points: expected finite .* 1 of 1 points with NaN or inf; leave out beams without a return"),
+        ([np.ones((1, 2)), [[np.inf, 0.0]]], np.zeros((2, 2)), r"points\[1\]: expected finite .*; leave out beams without a return"),
+        ([np.ones((5, 2))] * 3, [0.0, 0.0], r"origins: expected one per scan, shape \(3, 2\), got one of shape \(2,\)"),
+        (np.ones((3, 5, 2)), [0.0, 0.0], r"origins: expected one per scan, shape \(3, 2\), got one of shape \(2,\)"),
+        (np.ones((3, 5, 4)), np.zeros((3, 2)), r"points: expected shape \(N, 2\) or \(N, 3\), got \(5, 4\)"),
+        (np.ones((2, 3, 5, 2)), np.zeros((3, 2)), "points: expected shape"),
+        (np.ones((5, 2)), [[0.0, 0.0], [0.0]], "origins: expected an .* array of numbers"),
+        ([[[0.0, 0.0], [0.0]]], [[0.0, 0.0]], "points: expected"),
         ([[0.0, 1.0]], [np.inf, 0.0], "origins: expected finite"),
         ([np.ones((5, 2)), np.ones((4, 2))], [[0.0, 0.0]], r"origins: expected one per scan \(2\), got 1"),
         ([np.ones((5, 2))], [[0.0, 0.0, 0.0]], r"origins: expected shape \(N, 2\)"),

@@ -15,6 +15,12 @@ def test_every_name_is_there():
         _ = hilbertvae.colour
 
 
+def test_names_are_listed_before_they_are_used():
+    """As by completion in a shell: they are imported late."""
+    program = "import hilbertvae; print(sorted(set(hilbertvae.__all__) - set(dir(hilbertvae))))"
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+
+
 def test_importing_costs_neither_torch_nor_lightning():
     program = "import sys, hilbertvae; print([name for name in ('torch', 'lightning', 'sklearn') if name in sys.modules])"
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "[]"

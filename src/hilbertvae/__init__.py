@@ -16,6 +16,10 @@ _WHERE = {
 }
 
 
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])
+
+
 def __getattr__(name: str):
     # Late, so that `import hilbertvae` costs nothing and a command's --help does not wait for torch.
     if name not in _WHERE:

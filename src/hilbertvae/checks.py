@@ -12,8 +12,8 @@ class InputError(ValueError):
     """Bad input: the message names the file, key or argument and what was expected instead."""
 
 
-def check_points(points, name: str = "points", dimension: int | None = None, allow_empty: bool = False) -> np.ndarray:
-    """`points` as a finite (N, D) float64 array, D 2 or 3 (or `dimension`); an `InputError` otherwise."""
+def check_points(points, name: str = "points", dimension: int | None = None, allow_empty: bool = False, hint: str = "") -> np.ndarray:
+    """`points` as a finite (N, D) float64 array, D 2 or 3 (or `dimension`); an `InputError` otherwise. hint: what to do about a NaN."""
     refuse_masked(points, name)
     try:
         points = np.asarray(points, dtype=np.float64)
@@ -27,7 +27,8 @@ def check_points(points, name: str = "points", dimension: int | None = None, all
         raise InputError(f"{name}: expected at least one point, got none")
     finite = np.isfinite(points).all(axis=1)
     if not finite.all():
-        raise InputError(f"{name}: expected finite coordinates, got {np.count_nonzero(~finite)} of {len(points)} points with NaN or inf")
+        found = f"{np.count_nonzero(~finite)} of {len(points)} points with NaN or inf"
+        raise InputError(f"{name}: expected finite coordinates, got {found}{hint}")
     return points
 
 

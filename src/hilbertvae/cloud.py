@@ -22,6 +22,7 @@ FREE_POINT_M = 2.0
 """The `points` cloud has a free point in so much of a beam: the rule of the author's own code (METHOD 1)."""
 OCCUPIED_SHARE = 0.15
 """A voxel is occupied from this share of returns on: many beams graze a wall's voxel, and a majority would erase it."""
+NO_RETURN = "; leave out beams without a return"
 
 
 @dataclass(frozen=True)
@@ -85,29 +86,34 @@ def points_cloud(scans: Scans, resolution_m: float, seed: int = 0) -> tuple[Clou
 def cloud_from_scans(points, origins, resolution_m: float | None = None, max_range_m: float | None = None) -> Cloud:
     """The `fit` cloud of a user's scans.
 
-    points: a list of (n_s, D) arrays in metres in the map frame, one per scan, or one (N, D) array. Of several scans some may be empty.
-    origins: (S, D), where the sensor stood in each scan; with one array of points, (N, D) or one (D,) origin.
+    points: a list of (n_s, D) arrays in metres in the map frame, one per scan, an (S, n, D) array of scans, or one (N, D) array. Of
+    several scans some may be empty. Beams without a return are left out.
+    origins: (S, D), where the sensor stood in each scan; with one (N, D) array of points, (N, D) or one (D,) origin.
     resolution_m: 0.1 in 2D and 0.2 in 3D unless given. max_range_m: beams as long as this and longer are dropped; none unless given.
     Raises `InputError` for what does not fit together. A `UserWarning` says where coordinates can't be in metres, where a beam is longer
     than any laser's, and where half or single precision has moved far coordinates by a part of a cell.
     """
-    one = next((scan for scan in points if np.ndim(scan) == 2), None) if isinstance(points, (list, tuple)) else None
+    if not isinstance(points, (list, tuple)) and len(_shape(points)) == 3:
+        points = list(points)
+    one = next((scan for scan in points if len(_shape(scan)) == 2), None) if isinstance(points, (list, tuple)) else None
     if one is not None:
-        dimension = check_points(one, "points", allow_empty=True).shape[1]
+        dimension = check_points(one, "points", allow_empty=True, hint=NO_RETURN).shape[1]
+        if len(_shape(origins)) == 1:
+            raise InputError(f"origins: expected one per scan, shape ({len(points)}, {dimension}), got one of shape {_shape(origins)}")
         origins = check_points(origins, "origins", dimension=dimension)
         if len(origins) != len(points):
             raise InputError(f"origins: expected one per scan ({len(points)}), got {len(origins)}")
         warn_if_rounded(origins, "origins")
-        points = [np.empty((0, dimension)) if np.shape(p) == (0,) else p for p in points]  # an empty list has no second axis
-        points = [check_points(p, f"points[{k}]", dimension=dimension, allow_empty=True) for k, p in enumerate(points)]
+        points = [np.empty((0, dimension)) if _shape(p) == (0,) else p for p in points]  # an empty list has no second axis
+        points = [check_points(p, f"points[{k}]", dimension=dimension, allow_empty=True, hint=NO_RETURN) for k, p in enumerate(points)]
         scan = np.repeat(np.arange(len(points), dtype=np.int32), list(map(len, points)))
         points = np.concatenate(points)
         origins = origins[scan]
     else:
-        if isinstance(points, (list, tuple)) and len(points) and all(np.shape(scan) == (0,) for scan in points):
+        if isinstance(points, (list, tuple)) and len(points) and all(_shape(scan) == (0,) for scan in points):
             raise InputError(f"points: expected a return in at least one of {len(points)} scans, got none")
-        points = check_points(points, "points")
-        origins = check_points([origins] if np.ndim(origins) == 1 else origins, "origins", dimension=points.shape[1])
+        points = check_points(points, "points", hint=NO_RETURN)
+        origins = check_points([origins] if len(_shape(origins)) == 1 else origins, "origins", dimension=points.shape[1])
         if len(origins) not in (1, len(points)):
             raise InputError(f"origins: expected one, or one per point ({len(points)}), got {len(origins)}")
         warn_if_rounded(origins, "origins")
@@ -127,3 +133,11 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
             raise InputError(f"max_range_m: expected beams shorter than {max_range_m} m, got none of {len(lengths)}{shortest}")
         points, origins, scan = points[kept], origins[kept], scan[kept]
     return fit_cloud(Scans(points, origins, scan, np.arange(len(points), dtype=np.int32)), resolution_m)
+
+
+def _shape(values) -> tuple[int, ...]:
+    """The shape of an array; () of what makes none, as rows of several lengths."""
+    try:
+        return np.shape(values)
+    except (TypeError, ValueError, RuntimeError):
+        return ()

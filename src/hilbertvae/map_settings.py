@@ -14,7 +14,8 @@ class MapSettings(ReadingSettings):
     scans: str = ""
     """A file or a folder of scans, or a map to be filled: an OctoMap `.ot` or `.bt`, a ROS map's `.yaml`. Of maps that
     were filled before, give the `_observed` one: what a map holds is taken as seen. Cells count from (0, 0): where a ROS map's `origin` is
-    no whole number of cells, its walls move by up to half a cell, with a warning, and its unknown margin is not kept."""
+    no whole number of cells, its walls move by up to half a cell, with a warning, and its unknown margin is not kept. In 3D
+    z has to point up."""
     output: str | None = None
     """Folder to write to; `outputs/maps/<name of the scans>` unless given."""
     weights: str | None = None

@@ -14,7 +14,6 @@ from hilbertvae.cloud import Cloud, fit_cloud
 from hilbertvae.exports.formats import check_names, suiting_exports, write_exports
 from hilbertvae.exports.map_cells import REACH_M, MapCells
 from hilbertvae.exports.map_folder import (
-    MAP,
     PAGE,
     PICTURE,
     SUMMARY,
@@ -32,7 +31,7 @@ from hilbertvae.map_settings import MapSettings
 from hilbertvae.mappers.given_map import GivenMap, is_given_map, read_given_map, warn_of_moved_walls
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.loading import load_mapper
-from hilbertvae.mappers.saved_map import ADAPTED, save_map
+from hilbertvae.mappers.saved_map import ADAPTED, MAP, save_map
 from hilbertvae.mappers.weights import check_calibration
 from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reports.provenance import made_by
@@ -115,6 +114,8 @@ def _checked(settings: MapSettings) -> tuple[HilbertMap | None, Path]:
     scans = Path(settings.scans)
     output = Path(settings.output or Path("outputs/maps") / scans.resolve().name)
     if output.resolve() in (scans.resolve(), (scans / VELODYNE).resolve()):
+        if scans.is_file():
+            raise InputError(f"output: expected a folder, {output} is the file that is read")
         raise InputError(f"output: {output} is the folder that is read, where a map would lie among the scans; choose another")
     check_writable(output)
     return mapper, output

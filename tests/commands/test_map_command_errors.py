@@ -101,6 +101,12 @@ def test_no_map_is_written_among_the_scans_of_a_drive(tmp_path, capsys):
         assert "is the folder that is read" in capsys.readouterr().err
 
 
+def test_the_file_that_is_read_is_no_folder(room, tmp_path, capsys):
+    scans = npz_of(room, tmp_path / "room.npz")
+    assert map_command.main([f"scans={scans}", f"output={scans}"]) == 2
+    assert f"output: expected a folder, {scans} is the file that is read" in capsys.readouterr().err
+
+
 def test_a_full_disk_leaves_what_was_there(room, tmp_path, monkeypatch, capsys):
     settings = MapSettings(scans=str(npz_of(room, tmp_path / "room.npz")), output=str(tmp_path / "out"), fill=False, exports=["npz"])
     out = make_map(settings)

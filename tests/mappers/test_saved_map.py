@@ -64,6 +64,15 @@ def test_a_loaded_map_answers_to_the_bit_and_without_a_network(place, kind, tmp_
     assert_same(load_map(again), mapper, queries_of(place))
 
 
+def test_a_folder_stands_for_the_map_in_it(tmp_path, room):
+    mapper = fit(HilbertMap(grid=tiny_grid()), room.fit)
+    save_map(mapper, tmp_path / "map.safetensors")
+    assert_same(load_map(tmp_path), mapper, room.fit.points)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="empty/map.safetensors: expected a map, found no file"):
+        load_map(str(tmp_path / "empty"))
+
+
 def test_large_coordinates_survive(tmp_path, room):
     """UTM, to the bit: what is kept is exact."""
     cloud = room.fit

@@ -63,3 +63,30 @@ def test_metres_give_none(tmp_path):
         warnings.simplefilter("error")
         read_scans_path(write_text(tmp_path / "a.xyz"), ReadingSettings(sensor_origin_m=[0, 0, 0]))
         read_scans_path(write_drive(tmp_path / "drive", POINTS.reshape(3, 20, 3), random_poses(3)))
+
+
+def told(lengths, max_range_m):
+    """The warnings of a check that sees scans of these lengths."""
+    check = UnitCheck(max_range_m)
+    for scan in lengths:
+        check.see(scan)
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        check.warn("a.ply")
+    return [str(warning.message) for warning in found]
+
+
+def test_where_many_beams_are_left_out_for_their_length_that_is_told():
+    rng = np.random.default_rng(0)
+    near, far = rng.uniform(1, 20, (4, 60)), rng.uniform(80, 500, (4, 40))
+    assert told(np.hstack([near, far]), 80.0) == [
+        "a.ply: 160 of 400 beams are 80 m or longer and are left out; "
+        "are they in millimetres, or is reading.max_range_m too short for them?"
+    ]
+    assert told(np.hstack([near, far[:, :20]]), 80.0) == told(np.hstack([near, far]), 1e3) == []
+
+
+def test_what_a_laser_writes_where_nothing_came_back_is_no_beam_too_long():
+    near = np.random.default_rng(0).uniform(1, 20, (4, 60))
+    for code in (81.83, np.inf, np.nan):
+        assert told(np.hstack([near, np.full((4, 120), code)]), 30.0) == []

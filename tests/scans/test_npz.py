@@ -26,6 +26,12 @@ def test_origins_of_each_shape(tmp_path, dimension):
         np.testing.assert_array_equal(found.scan, SCAN)
 
 
+def test_other_arrays_may_have_any_name_beside_the_right_ones(tmp_path):
+    found = read_npz(write_npz(tmp_path / "a.npz", POINTS, origins=POINTS[0], origin=POINTS[1], scan=SCAN, scans=SCAN[:3]))
+    np.testing.assert_array_equal(found.origins, POINTS[0])
+    np.testing.assert_array_equal(found.scan, SCAN)
+
+
 def test_an_archive_that_is_not_packed_and_in_columns_order(tmp_path):
     np.savez(tmp_path / "a.npz", points=np.asfortranarray(POINTS.astype("f4")))
     np.testing.assert_array_equal(read_npz(tmp_path / "a.npz").points, POINTS)
@@ -39,7 +45,10 @@ def test_an_archive_that_is_not_packed_and_in_columns_order(tmp_path):
         ({"points": POINTS.astype(str)}, "expected points of numbers"),
         ({"points": POINTS.astype(complex)}, "expected points of numbers"),
         ({"points": POINTS > 0}, "expected points of numbers"),
-        ({"cloud": POINTS}, "expected an array points, found cloud.npy"),
+        ({"cloud": POINTS}, "expected an array points, found cloud$"),
+        ({"xyz": POINTS, "origin": POINTS}, "expected an array points, found xyz, origin$"),
+        ({"points": POINTS, "scans": SCAN}, "expected an array scan, found scans, which would be passed over; rename it"),
+        ({"points": POINTS, "scan": SCAN, "origin": POINTS[0]}, "expected an array origins, found origin, which"),
         ({"points": POINTS, "scan": SCAN[:-1]}, "expected scan of shape"),
         ({"points": POINTS, "scan": SCAN.astype(float)}, "expected scan of shape"),
         ({"points": POINTS, "origins": POINTS[:3]}, "expected origins of shape"),

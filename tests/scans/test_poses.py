@@ -60,6 +60,34 @@ def test_headings_in_radians_may_wind_up(tmp_path, headings):
         read_poses(tmp_path / "poses.txt")
 
 
+def tum(path, rotations, order):
+    quaternions = rotations.as_quat()[:, order]
+    rows = np.column_stack([np.arange(len(quaternions)), np.zeros((len(quaternions), 3)), quaternions])
+    np.savetxt(path, rows, "%.9f")
+    return path
+
+
+@pytest.mark.parametrize("headings", [np.zeros(5), np.linspace(0, 2 * np.pi, 40), np.linspace(-1, 1, 20)])
+def test_quaternions_that_begin_with_qw_are_told(tmp_path, headings):
+    """By all who stand upright, a hand-held sensor among them; read so, scans would lie on their backs."""
+    leaning = np.random.default_rng(0).uniform(-0.3, 0.3, (len(headings), 2))
+    rotations = Rotation.from_euler("ZYX", np.column_stack([headings, leaning]))
+    with pytest.warns(UserWarning, match=r"poses.txt: in \d+ of \d+ poses scans lie upside down; are the quaternions qw first\?"):
+        read_poses(tum(tmp_path / "poses.txt", rotations, [3, 0, 1, 2]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_poses(tum(tmp_path / "poses.txt", rotations, [0, 1, 2, 3]))
+
+
+@pytest.mark.parametrize("mounted", ["upside down", "as a camera"])
+def test_sensors_that_are_mounted_otherwise_are_not_taken_for_it(tmp_path, mounted):
+    turn = Rotation.from_euler("x", 180 if mounted == "upside down" else -90, degrees=True)
+    rotations = Rotation.from_euler("z", np.linspace(0, 2 * np.pi, 40)[:, None]) * turn
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_poses(tum(tmp_path / "poses.txt", rotations, [0, 1, 2, 3]))
+
+
 @pytest.mark.parametrize(("form", "step"), [("%e", "1 m"), ("%g", "10 m")])
 def test_too_few_digits_of_far_places_are_told(tmp_path, form, step):
     """As `%e` writes them, and as `std::cout` does unless told otherwise."""

@@ -1,3 +1,5 @@
+import warnings
+
 import numpy as np
 import pytest
 from point_writers import POINTS, WRITERS, random_poses, write_drive, write_npz, write_pcd
@@ -191,3 +193,45 @@ def test_times_of_several_lengths_are_in_order(tmp_path):
     with pytest.warns(UserWarning, match="are read as decimals"):  # with few names it is not sure
         scans = read_scan_folder(tmp_path)
     np.testing.assert_allclose(scans.points[:, 0], 2.0 + 1000.0 * np.arange(len(times)))
+
+
+@pytest.mark.parametrize(
+    ("head", "poses", "told"),
+    [
+        ("", "0 0 0.1\n1 0 0.2\n", True),
+        ("", "0 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n", True),
+        ("x,y,intensity\n", "0 0 0.1\n1 0 0.2\n", False),
+        ("# x,y,z\n", "0 0 0.1\n1 0 0.2\n", False),
+        ("", "0 0 0 0 0 0 0 1\n1 1 0 0.5 0 0 0 1\n", False),
+        ("", "0 0 0\n0 0 0\n", False),
+    ],
+)
+def test_a_third_column_without_a_name_is_told_under_poses_in_the_plane(tmp_path, head, poses, told):
+    """It may be an intensity. Clouds that stand in the map's frame already, and poses that climb, are 3D."""
+    for number in range(2):
+        (tmp_path / f"{number}.csv").write_text(head + "1.5,2,1.2\n2,1,0.9\n1,3,nan\n")
+    (tmp_path / "poses.txt").write_text(poses)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        read_scan_folder(tmp_path, max_range_m=1000)
+    said = f"{tmp_path / '0.csv'}: its columns have no names, so the first three are taken as x, y and z"
+    assert [str(one.message).startswith(said) for one in caught] == [True] * told
+
+
+def test_a_third_column_of_one_value_is_no_intensity(tmp_path):
+    (tmp_path / "0.csv").write_text("1.5,2,0\n2,1,0\n")
+    (tmp_path / "poses.txt").write_text("0 0 0.1\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_scan_folder(tmp_path)
+
+
+@pytest.mark.parametrize("given", ["velodyne", "."])
+def test_the_inner_folder_of_kitti_s_layout_names_the_outer_one(tmp_path, monkeypatch, given):
+    write_drive(tmp_path, SCANS, random_poses(3), "velodyne/{:06d}.bin")
+    monkeypatch.chdir(tmp_path / "velodyne" if given == "." else tmp_path)
+    with pytest.raises(InputError, match=f"poses.txt: no such file, but .* to read KITTI's layout, give {tmp_path}$"):
+        read_scan_folder(given)
+    (tmp_path / "poses.txt").unlink()
+    with pytest.raises(InputError, match="poses.txt: no such file; expected a pose for each of 3 scans.*kiss_icp"):
+        read_scan_folder(given)

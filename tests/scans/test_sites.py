@@ -84,6 +84,18 @@ def test_a_name_that_is_not_in_the_catalogue():
         find_site("intell")
 
 
+def test_a_path_of_that_name_is_said_to_need_a_dot(tmp_path, monkeypatch):
+    (tmp_path / "kitti").mkdir()
+    (tmp_path / "scan").touch()
+    monkeypatch.chdir(tmp_path)
+    for name, kind in (("kitti", "folder"), ("scan", "file")):
+        with pytest.raises(InputError, match=rf"site '{name}': not in the catalogue; .*, or ./{name} for the {kind} here$"):
+            find_site(name)
+    for name in ("intell", "n" * 5000, "\0"):
+        with pytest.raises(InputError, match="single_rellis_os1_000104$"):
+            find_site(name)
+
+
 def test_download(toy, log, tmp_path, address):
     path = site_path("toy", tmp_path / "data", download=True, source=address)
     assert path == tmp_path / "data" / "2d" / log.name

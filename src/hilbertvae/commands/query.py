@@ -34,8 +34,7 @@ class QuerySettings:
 
 def run(settings: QuerySettings) -> None:
     """Ask the map, and write the answers."""
-    from hilbertvae.exports.map_folder import MAP  # late: whoever asks for help does not wait for torch
-    from hilbertvae.mappers.saved_map import load_map
+    from hilbertvae.mappers.saved_map import load_map, map_path  # late: whoever asks for help does not wait for torch
 
     settings = from_home(settings, "map", "points", "output")
     for key in ("map", "points"):
@@ -43,7 +42,7 @@ def run(settings: QuerySettings) -> None:
             raise InputError(f"{key}: expected a path, got none; give {key}=<path>")
     if settings.output and Path(settings.output).suffix not in (".csv", ".npz"):
         raise InputError(f"output: expected a name that ends in .csv or .npz, got {settings.output}")
-    map_file = Path(settings.map) / MAP if Path(settings.map).is_dir() else Path(settings.map)
+    map_file = map_path(settings.map)
     if settings.output:
         _check_replaced(Path(settings.output), Path(settings.points), map_file)
     mapper = load_map(map_file)

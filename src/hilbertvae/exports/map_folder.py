@@ -14,10 +14,10 @@ from filelock import FileLock
 from hilbertvae.checks import InputError
 from hilbertvae.exports.formats import EXPORTS
 from hilbertvae.files import hash_of, json_object, write_json
-from hilbertvae.mappers.saved_map import ADAPTED
+from hilbertvae.mappers.saved_map import ADAPTED, MAP
 from hilbertvae.signals import not_stopped
 
-MAP, PICTURE, PAGE, SUMMARY = "map.safetensors", "map.png", "summary.html", "summary.json"
+PICTURE, PAGE, SUMMARY = "map.png", "summary.html", "summary.json"
 OURS = {MAP, ADAPTED, PICTURE, PAGE, *(name for kind in EXPORTS.values() for name in kind.files)}
 """What may be in such a folder, but for the summary."""
 WRITING, HELD = ".writing-", ".held"

@@ -29,8 +29,8 @@ PACKED = ("grids", "known")
 """Three quarters of the bytes in 3D, and more in 2D."""
 SETTINGS = ("weights", "calibration", "neighbours", "inner_radius_m", "flips", "evidence", "fill", "ridge", "resolution_m", "seed")
 """Of the mapper's own; its network is known by a fingerprint, and a device belongs to a machine."""
-ADAPTED = "adapted.safetensors"
-"""Beside a map: the network that learned from its site."""
+MAP, ADAPTED = "map.safetensors", "adapted.safetensors"
+"""In a folder that `hilbertvae-map` wrote: the map, and the network that learned from its site."""
 LARGEST_SCALE = 4.0
 """Times the diameter of a cluster: no frame makes a larger box."""
 
@@ -79,15 +79,20 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
     return Path(path)
 
 
+def map_path(path: str | os.PathLike) -> Path:
+    """The file of a map: of a folder, the `map.safetensors` in it."""
+    return Path(path) / MAP if Path(path).is_dir() else Path(path)
+
+
 def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = None, device: str = "cpu") -> HilbertMap | OctoMapMapper:
-    """The fitted mapper that `save_map` wrote: it answers as the saved one did, to the bit, and needs no network for that. An OctoMap's
-    `.ot` or `.bt` is read as the mapper that it is.
+    """The fitted mapper that `save_map` wrote: it answers as the saved one did, to the bit, and needs no network for that. Of a
+    folder, its `map.safetensors` is read. An OctoMap's `.ot` or `.bt` is read as the mapper that it is.
 
     checkpoint: the network that it was made with, for `partial_fit` and `fit`; unless given, it is looked for among those that come with
     the package and in `adapted.safetensors` beside the map, and only when it is needed. Raises `InputError` for a file that is missing,
     damaged or not ours.
     """
-    path = Path(path)
+    path = map_path(path)
     if not path.is_file():
         raise InputError(f"{path}: expected a map, found no file")
     if path.suffix.lower() in OCTREES:

@@ -13,6 +13,8 @@ LONGEST_MEDIAN_M = 1000.0
 LONGEST_BEAM_M = 1000.0
 UNLIKE_OTHERS = 20.0
 """A beam that is so many times as long as half of the others, and longer than `LONGEST_BEAM_M`, is hardly a return."""
+MANY_CUT = 1 / 3
+"""Of all beams. Where more are left out for their length, what is left is hardly what was scanned, as of a room in millimetres."""
 MANY_ALIKE = 0.02
 """Of all ranges. Real logs, cut at 26 to 45 m, have their largest range in fewer than one of 10 000 beams."""
 
@@ -39,9 +41,11 @@ def without_zeros(points: np.ndarray, at_least: int = 1) -> np.ndarray:
 
 
 class UnitCheck:
-    """Sees the lengths of all beams, dropped ones included, scan by scan, and warns where they can't be metres."""
+    """Sees the lengths of all beams, dropped ones included, scan by scan, and warns where they can't be metres, or too many are dropped."""
 
-    def __init__(self):
+    def __init__(self, max_range_m: float = np.inf):
+        """max_range_m: from where beams are dropped."""
+        self._max_range_m, self._seen, self._cut = max_range_m, 0, 0
         self._medians: list[float] = []
 
     def see(self, lengths: np.ndarray) -> None:
@@ -49,6 +53,10 @@ class UnitCheck:
         lengths = lengths[np.isfinite(lengths)]
         if len(lengths):
             self._medians.append(float(np.median(lengths)))
+        # A length that many beams of a scan have to the centimetre says that there was no return.
+        alike = np.unique(lengths[lengths >= self._max_range_m].round(2), return_counts=True)[1]
+        self._cut += int(alike[alike < max(2, MANY_ALIKE * len(lengths))].sum())
+        self._seen += len(lengths)
 
     def hint(self, max_range_m: float) -> str:
         """What to add to the news that no beam is short enough: half of them are too long, which another unit may explain."""
@@ -59,7 +67,7 @@ class UnitCheck:
         return float(np.median(self._medians)) if self._medians else 0.0
 
     def warn(self, path: str | os.PathLike) -> None:
-        """One `UserWarning` where the median beam, over the scans seen, is longer than any laser's."""
+        """One `UserWarning` where the median beam, over the scans seen, is longer than any laser's, or where so many are cut off."""
         middle = self._middle()
         if middle > LONGEST_MEDIAN_M:
             warnings.warn(
@@ -67,6 +75,9 @@ class UnitCheck:
                 "or is the sensor's origin in another frame? Metres are expected",
                 stacklevel=4,
             )
+        elif self._cut > MANY_CUT * self._seen:
+            far = f"{self._cut} of {self._seen} beams are {self._max_range_m:g} m or longer and are left out"
+            warnings.warn(f"{path}: {far}; are they in millimetres, or is reading.max_range_m too short for them?", stacklevel=4)
 
 
 class ClippedCheck:

@@ -38,7 +38,7 @@ def read_carmen(
         check_positive(step_deg, "reading.beam_step_deg")
     points, origins, scan, beam = [], [], [], []
     kept = seen = 0
-    unit, clipped, strange, chosen_kind = UnitCheck(), ClippedCheck(max_range_m), set(), None
+    unit, clipped, strange, chosen_kind = UnitCheck(max_range_m), ClippedCheck(max_range_m), set(), None
     for number, line in _lines(path):
         kind = line.partition(b" ")[0]
         if kind not in MESSAGES or kind != (chosen_kind := chosen_kind or kind):

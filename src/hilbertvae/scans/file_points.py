@@ -27,12 +27,14 @@ class FilePoints:
     origins: (N, D) or (D,) float64, metres, the file's frame: where the beams started; None where the file does not say.
     scan: (N,) integers, the sweep a return belongs to; None where the file is one sweep.
     pose: (3, 4), what the reader has taken the points of its one sweep to the file's frame by; None where it moved none.
+    named: False for a table without names, of whose columns the first ones were taken as x, y and z.
     """
 
     points: np.ndarray
     origins: np.ndarray | None = None
     scan: np.ndarray | None = None
     pose: np.ndarray | None = None
+    named: bool = True
 
 
 class NoRows(InputError):

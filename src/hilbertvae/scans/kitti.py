@@ -13,9 +13,8 @@ from hilbertvae.checks import InputError
 from hilbertvae.scans.file_points import LIDAR_RANGE_M
 from hilbertvae.scans.poses import read_calibration, read_poses
 from hilbertvae.scans.scan import Scans
-from hilbertvae.scans.scan_folder import POSES, read_posed_scans, scan_files
+from hilbertvae.scans.scan_folder import POSES, VELODYNE, read_posed_scans, scan_files
 
-VELODYNE = "velodyne"
 CALIBRATION = "calib.txt"
 MOST_UPWARD = 0.8
 """No car goes more of its way along its lidar's z axis, which is a camera's way ahead."""

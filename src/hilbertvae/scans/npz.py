@@ -12,12 +12,15 @@ from hilbertvae.checks import InputError
 from hilbertvae.scans.file_points import FilePoints, check_expansion, reading
 from hilbertvae.scans.npz_arrays import array_header, read_array
 
+MISTAKEN = {"scan": "scans", "origins": "origin"}
+"""Names that are nearly right. Passed over, they would leave all beams to one scan, or to an origin that is not theirs."""
+
 
 def read_npz(path: str | os.PathLike) -> FilePoints:
     """The arrays `points` (N, D), metres; `scan` (N,) integers; `origins` (N, D), (D,) or, with `scan`, (S, D) with a row per scan number.
 
-    Other arrays are passed over. Raises `InputError` for a file that is missing, damaged or foreign, for other shapes or types, and for
-    arrays whose declared size does not agree with what the archive holds.
+    Other arrays are passed over. Raises `InputError` for a file that is missing, damaged or foreign, for other shapes or types, for
+    arrays whose declared size does not agree with what the archive holds, and for `scans` or `origin` where the right name is meant.
     """
     path = Path(path)
     with reading(path, "a .npz file"), zipfile.ZipFile(path) as archive:
@@ -35,8 +38,12 @@ def read_npz(path: str | os.PathLike) -> FilePoints:
 
 def _check(path: Path, archive: zipfile.ZipFile, headers: dict) -> None:
     """Shapes and types that go together, and sizes that the file can hold, before any array is read."""
+    names = [name.removesuffix(".npy") for name in archive.namelist()]
     if "points" not in headers:
-        raise InputError(f"{path}: expected an array points, found {', '.join(archive.namelist())[:60] or 'none'}")
+        raise InputError(f"{path}: expected an array points, found {', '.join(names)[:60] or 'none'}")
+    for wanted, mistaken in MISTAKEN.items():
+        if wanted not in headers and mistaken in names:
+            raise InputError(f"{path}: expected an array {wanted}, found {mistaken}, which would be passed over; rename it")
     shape, dtype = headers["points"]
     if len(shape) != 2 or shape[1] not in (2, 3):
         raise InputError(f"{path}: expected points of shape (N, 2) or (N, 3), got {shape}")

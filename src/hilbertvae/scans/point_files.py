@@ -89,7 +89,7 @@ def read_point_file(
     # Sweeps, or an origin for each beam, make a map's frame, where a place at zero is like any other.
     posed = found.scan is not None or (found.origins is not None and found.origins.ndim == 2)
     points = found.points if posed else without_zeros(found.points, at_least=2)
-    lengths, unit = beam_lengths(points[order], origins[order]), UnitCheck()
+    lengths, unit = beam_lengths(points[order], origins[order]), UnitCheck(max_range_m)
     unit.see(lengths)
     unit.warn(path)
     warn_if_rounded(points, path)

@@ -56,9 +56,9 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
             raise NoRows(f"{path}: expected lines of numbers, found none")
         delimiter = next((mark for mark in (",", ";") if mark.encode() in first), None)
         fields = _fields(first, delimiter)
-        columns, coordinates = None, slice(3)
+        columns, commented = None, None
         if all(map(_is_number, fields)):
-            coordinates = _commented_columns(comment, delimiter, len(fields)) or coordinates
+            commented = _commented_columns(comment, delimiter, len(fields))
         else:
             start, above = file.tell(), above + line.endswith(b"\n")
             if delimiter is None and 0 < first.count(b"\t") == _first_row(file).count(b"\t"):
@@ -75,7 +75,7 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
             raise NoRows(f"{path}: expected lines of numbers, found none")
         if table.shape[1] < 2:
             raise InputError(f"{path}: expected 2 or more columns, found {table.shape[1]}")
-        return FilePoints(table[:, coordinates])
+        return FilePoints(table[:, commented or slice(3)], named=bool(columns or commented))
 
 
 def _first_row(file) -> bytes:

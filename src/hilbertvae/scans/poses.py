@@ -24,6 +24,8 @@ MOST_TILT_DEG = 15.0
 """A planar laser that leans further, on a tilting unit or a fallen robot, does not see the plan of a place."""
 WOUND_RAD = 4 * math.pi
 """Headings in radians get beyond by winding up, turn after turn, and then in small steps."""
+UPRIGHT, MANY, NEARLY_ALL = 0.5, 0.2, 0.9
+"""The cosine of 60 degrees, and shares of poses, by which quaternions are told to have qw first."""
 FARTHEST_M = 1e9
 """No place on Earth is as far from the origin of any frame; beyond, float64 loses the millimetre."""
 
@@ -39,11 +41,11 @@ def read_timed_poses(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | 
 
     A line is a 3 x 4 matrix row by row, `t x y z qx qy qz qw`, or `x y heading` with the heading in radians from the x axis; all lines
     are of one kind. Empty lines and those that start with # are passed over. Raises `InputError` with the line's number for anything
-    else, and for a matrix or quaternion that is no rotation. Warns where times go back, where headings look like degrees, and where
-    far places have too few digits.
+    else, and for a matrix or quaternion that is no rotation. Warns where times go back, where headings look like degrees, where
+    quaternions look like qw qx qy qz, and where far places have too few digits.
     """
     path = Path(path)
-    poses, times, headings, width, back = [], [], [], None, 0
+    poses, times, headings, quaternions, width, back = [], [], [], [], None, 0
     with reading(path, "poses, 12 numbers a line (or 8, as TUM writes them; or 3, x y heading)"), open(path, "rb") as file:
         for number, line in enumerate(file, start=1):
             fields = (line.removeprefix(codecs.BOM_UTF8) if number == 1 else line).split()
@@ -64,6 +66,7 @@ def read_timed_poses(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | 
             if width == 8:
                 back = back or (number if times and values[0] < times[-1] else 0)
                 times.append(values[0])
+                quaternions.append(values[4:])
             if width == 3:
                 headings.append(values[2])
     if not poses:
@@ -75,6 +78,9 @@ def read_timed_poses(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | 
     if _in_degrees(np.array(headings)):
         most = max(headings, key=abs)
         warnings.warn(f"{path}: headings in radians are expected and go up to {most:.6g}, in big steps; are they degrees?", stacklevel=4)
+    if turned := _upside_down(np.array(quaternions)):
+        said = f"in {turned} of {len(poses)} poses scans lie upside down; are the quaternions qw first? qx qy qz qw are expected"
+        warnings.warn(f"{path}: {said}", stacklevel=4)
     if text := few_digits(np.array(poses)[:, :, 3]):
         warnings.warn(f"{path}: {text}; write more digits, or take an offset away first", stacklevel=4)
     return np.array(poses), np.array(times) if times else None
@@ -130,6 +136,20 @@ def _from_quaternion(where: str, values: np.ndarray) -> np.ndarray:
     if abs(length - 1) > RIGID:
         raise InputError(f"{where}: expected a rigid motion, the quaternion has length {length:.6g}")
     return np.column_stack([rotation_matrices(values[4:] / length), values[1:4]])
+
+
+def _upside_down(quaternions: np.ndarray) -> int:
+    """How many scans lie upside down by quaternions (S, 4), if read as qw qx qy qz they would nearly all stand upright; else 0.
+
+    An upright sensor whose qw is read as qx seems to roll: it is upside down while it heads along x, and upright on the way back. One
+    that hangs from a ceiling is upside down at any heading, and would not stand upright if read the other way.
+    """
+    if not len(quaternions):
+        return 0
+    squares = np.square(quaternions)
+    up, other_up = 1 - 2 * (squares[:, 0] + squares[:, 1]), 1 - 2 * (squares[:, 1] + squares[:, 2])
+    turned = int((up < -UPRIGHT).sum())
+    return turned if turned >= MANY * len(up) and (other_up > UPRIGHT).mean() >= NEARLY_ALL else 0
 
 
 def _in_degrees(headings: np.ndarray) -> bool:

@@ -18,7 +18,7 @@ class ScanCollector:
 
     def __init__(self, min_range_m: float, max_range_m: float):
         self._range_m = min_range_m, max_range_m
-        self._unit, self._rounded = UnitCheck(), RoundedCheck()
+        self._unit, self._rounded = UnitCheck(max_range_m), RoundedCheck()
         self._parts: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
 
     def within(self, lengths: np.ndarray) -> np.ndarray:

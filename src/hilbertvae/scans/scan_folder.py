@@ -14,7 +14,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.progress import track
 from hilbertvae.scans.beam_lengths import beam_lengths, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
-from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, named, reading
+from hilbertvae.scans.file_points import LIDAR_RANGE_M, FilePoints, check_reading, named, reading
 from hilbertvae.scans.names_in_order import names_in_order
 from hilbertvae.scans.odometry import FINDING, KISS_ICP, KissOdometry, check_poses_choice
 from hilbertvae.scans.own_origins import OwnOrigins, in_space
@@ -24,7 +24,7 @@ from hilbertvae.scans.poses import MOST_TILT_DEG, leans, lidar_poses, read_timed
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
 
-POSES = "poses.txt"
+POSES, VELODYNE = "poses.txt", "velodyne"
 POSED = ".e57"
 """Files of this ending may have taken their points to the map by a pose of their own."""
 NOT_SCANS = {POSES, "times.txt", "timestamps.txt", "calib.txt", "readme.txt", "license.txt"}
@@ -93,6 +93,7 @@ def read_posed_scans(
             raise InputError(f"{files[index]}: expected one scan, since a folder has one pose for each file")
         if not dimension:
             dimension, first = found.points.shape[1], files[index].name
+            _warn_of_unnamed(files[index], found, given)
         if found.points.shape[1] != dimension or (dimension == 2 and poses is not None):
             wanted = "to find poses from" if poses is not None else f"as in {first}"
             raise InputError(f"{files[index]}: expected {5 - found.points.shape[1]}D points {wanted}, got {found.points.shape[1]}D ones")
@@ -118,6 +119,16 @@ def read_posed_scans(
     return kept.whole(files[0].parent, len(kept))
 
 
+def _warn_of_unnamed(file: Path, found: FilePoints, given: np.ndarray | None) -> None:
+    """Scans in the plane may have intensities where three coordinates have z, and would make a 3D map without a word."""
+    if found.named or found.points.shape[1] < 3 or given is None:
+        return
+    in_the_plane = (given[:, 2] == [0.0, 0.0, 1.0, 0.0]).all() and (given != np.eye(3, 4)).any()
+    if in_the_plane and np.nanmax(found.points[:, 2]) > np.nanmin(found.points[:, 2]):
+        taken = "its columns have no names, so the first three are taken as x, y and z, though poses lie in the plane"
+        warnings.warn(f"{file}: {taken}; name the columns (a first line x,y,...) if the third is not z", stacklevel=4)
+
+
 def _check_unposed(files: list[Path], poses_path: Path, unposed: list[str]) -> None:
     if len(unposed) > 1 or (unposed and len(files) == 1):
         wanted = f"expected a pose for each of {len(files)} scans, there or in their files, of which one may be in the frame of the others"
@@ -129,6 +140,9 @@ def _given_poses(files: list[Path], poses_path: Path, lidar_to_camera: np.ndarra
     if not poses_path.exists() and files[0].suffix.lower() == POSED:
         return None
     if not poses_path.exists():
+        folder = poses_path.absolute().parent
+        if folder.name == VELODYNE and (folder.parent / POSES).exists():
+            raise InputError(f"{poses_path}: no such file, but one is in the folder above: to read KITTI's layout, give {folder.parent}")
         raise InputError(
             f"{poses_path}: no such file; expected a pose for each of {len(files)} scans. 3D scans in the order of travel can do without: "
             f"set reading.poses={KISS_ICP} to find their poses"

@@ -109,9 +109,10 @@ def data_folder() -> Path:
 
 
 def find_site(name: str) -> CatalogueEntry:
-    """The catalogue's entry; an `InputError` that lists the names if there is none."""
+    """The catalogue's entry; an `InputError` that lists the names if there is none, and says how to mean a path of that name."""
     if name not in CATALOGUE:
-        raise InputError(f"site {name!r}: not in the catalogue; expected one of {', '.join(CATALOGUE)}")
+        beside = f", or ./{name} for the {'folder' if os.path.isdir(name) else 'file'} here" if os.path.exists(name) else ""
+        raise InputError(f"site {name!r}: not in the catalogue; expected one of {', '.join(CATALOGUE)}{beside}")
     return CATALOGUE[name]
 
 
