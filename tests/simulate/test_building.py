@@ -1,6 +1,7 @@
 """Simulated buildings as a whole."""
 
 import builtins
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -50,8 +51,43 @@ def test_pose_noise_moves_the_map_by_centimetres_only(sim):
     assert 0 < moved.max() < 0.2
 
 
-def test_a_site_with_nobody_walking(sim):
-    assert len(simulate_building(BuildingSettings("hall", 12, 12, scans=10, sweeps_per_passer_by=float("inf")), 1))
+def exact(**settings):
+    """A hall by a laser and poses without faults, each return by its scan and beam."""
+    laser = LaserSettings(
+        range_noise_m=0, range_step_m=0, miss_share=0, edge_mix_share=0, glass_return_share=0, glass_pass_share=1, max_range_m=1e3
+    )
+    faultless = {"pose_noise_m": 0, "heading_noise_deg": 0, "draw_laser": False, "laser": laser}
+    scans = simulate_building(BuildingSettings("hall", 12, 12, scans=60, **faultless, **settings), 3)
+    lengths = np.full((60, 180), np.inf)
+    lengths[scans.scan, scans.beam] = np.linalg.norm(scans.points - scans.origins, axis=1)
+    return lengths
+
+
+def test_passers_by_hide_what_is_behind_them_and_nothing_else(sim):
+    alone, among_many = exact(sweeps_per_passer_by=float("inf")), exact(sweeps_per_passer_by=1.0)
+    hidden = among_many < alone - 0.05
+    assert 0.02 < hidden.mean() < 0.2
+    np.testing.assert_allclose(among_many[~hidden], alone[~hidden], atol=0.05)
+
+
+def test_lasers_vary_from_building_to_building_only_where_asked_for(sim):
+    """A half circle of 180 or of 360 beams."""
+    drawn = {simulate_building(TINY, seed).beam.max() >= 180 for seed in range(6)}
+    kept = {simulate_building(replace(TINY, draw_laser=False), seed).beam.max() >= 180 for seed in range(6)}
+    assert drawn == {True, False} and kept == {False}
+
+
+def test_returns_lie_on_beams_of_the_pose_that_the_robot_believes_it_has(sim):
+    settings = BuildingSettings("hall", 12, 16, scans=20, heading_noise_deg=3.0, draw_laser=False)
+    scans = simulate_building(settings, 2)
+    rays = scans.points - scans.origins
+    steps = np.linalg.norm(rays, axis=1) / settings.laser.range_step_m
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
+    heading = np.exp(1j * (np.arctan2(rays[:, 1], rays[:, 0]) - np.deg2rad(scans.beam)))
+    for k in range(20):
+        of_scan = scans.scan == k
+        np.testing.assert_allclose(heading[of_scan], heading[of_scan][0], atol=1e-9)
+        assert (scans.origins[of_scan] == scans.origins[of_scan][0]).all()
 
 
 @pytest.mark.parametrize(
@@ -65,6 +101,12 @@ def test_a_site_with_nobody_walking(sim):
         ({"clearance_m": -0.1}, "building.clearance_m: expected a positive number"),
         ({"pose_noise_m": -0.1}, "building.pose_noise_m: expected a number from 0 on"),
         ({"sweeps_per_passer_by": 0.5}, "building.sweeps_per_passer_by: expected at least 1"),
+        ({"sweeps_per_passer_by": "6"}, "building.sweeps_per_passer_by: expected at least 1, or inf for nobody, got '6'"),
+        ({"sweeps_per_passer_by": float("nan")}, "building.sweeps_per_passer_by: expected at least 1"),
+        ({"style": ["hall"]}, 'building.style: expected "any" or one of corridors'),
+        ({"draw_laser": "no"}, "building.draw_laser: expected true or false, got 'no'"),
+        ({"laser": None}, "building.laser: expected LaserSettings, got None"),
+        ({"longest_extent_m": 1e6}, "building.longest_extent_m: expected at most 1000, got 1000000.0"),
     ],
 )
 def test_bad_settings_are_named(setting, message):

@@ -6,6 +6,7 @@ import pytest
 pytest.importorskip("embreex")
 shapely = pytest.importorskip("shapely")
 
+from hilbertvae.simulate import furniture  # noqa: E402
 from hilbertvae.simulate.floor_plan import draw_floor_plan  # noqa: E402
 from hilbertvae.simulate.free_space import find_free_space, inside  # noqa: E402
 from hilbertvae.simulate.layouts import LAYOUTS, Sketch  # noqa: E402
@@ -38,6 +39,22 @@ def test_furniture_stays_on_floors_and_leaves_most_of_them_free(style):
     solid = shapely.union_all(plan.solids, grid_size=1e-3)
     free = sum(shapely.make_valid(floor.polygon).difference(solid, grid_size=1e-3).area for floor in plan.floors)
     assert 0.5 * area < free <= area + 0.1
+
+
+def test_furniture_leaves_free_what_lies_before_doors(monkeypatch):
+    stood, really = [], furniture.furnish
+
+    def furnish(rng, floor, amount, keep_clear):
+        pieces = really(rng, floor, furniture.CRAMMED, keep_clear)
+        stood.append((pieces, keep_clear))
+        return pieces
+
+    monkeypatch.setattr(furniture, "furnish", furnish)
+    for seed in range(3):
+        draw_floor_plan(np.random.default_rng(seed), 15.0, "corridors")
+    assert sum(len(pieces) for pieces, _ in stood) > 100
+    for pieces, keep_clear in stood:
+        assert keep_clear.area > 1.0 and not shapely.intersects(keep_clear, pieces).any()
 
 
 def test_free_space_is_never_wider_than_it_is():

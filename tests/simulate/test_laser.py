@@ -101,6 +101,50 @@ def test_nothing_is_returned_from_the_longest_range_on():
     assert np.isnan(ranges).any() and np.nanmax(ranges) < 3.5
 
 
+def answers(seen_m, **faults):
+    """What a laser with these faults alone reports of ranges (S, B): nothing stands around but what moves."""
+    nothing = RayCaster(*extrude(np.empty((0, 2, 2))))
+    beams = np.zeros((*np.shape(seen_m), 2)), np.ones((*np.shape(seen_m), 2))
+    return sense(np.random.default_rng(1), LaserSettings(**{**vars(EXACT), **faults}), nothing, nothing, *beams, moving=seen_m)
+
+
+def test_ranges_spread_by_their_noise_around_the_truth():
+    errors = answers(np.full((200, 180), 5.0), range_noise_m=0.02) - 5.0
+    assert errors.std() == pytest.approx(0.02, rel=0.03) and abs(errors.mean()) < 0.001
+
+
+def test_ranges_come_in_whole_steps():
+    steps = answers(np.full((20, 180), 5.0), range_noise_m=0.02, range_step_m=0.01) / 0.01
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
+    assert len(np.unique(steps.round())) > 5
+
+
+def test_as_many_beams_are_lost_as_asked_for():
+    assert np.isnan(answers(np.full((200, 180), 5.0), miss_share=0.1)).mean() == pytest.approx(0.1, abs=0.006)
+
+
+@pytest.mark.parametrize(("jump_m", "share"), [(0.5, 0.3), (0.05, 0.0), (2.0, 0.0)])
+def test_beams_at_small_edges_mix_both_depths(jump_m, share):
+    """Every other beam meets what lies `jump_m` deeper. All beams but the first have a neighbour before them."""
+    seen = np.full((200, 181), 5.0)
+    seen[:, 1::2] += jump_m
+    found = answers(seen, edge_mix_share=0.3)
+    mixed = (found != seen)[:, 1:]
+    assert mixed.mean() == pytest.approx(share, abs=0.01)
+    assert not mixed.any() or (5.0 < found[:, 1:][mixed].min() < 5.1 and 5.4 < found[:, 1:][mixed].max() < 5.5)
+
+
+def test_panes_return_their_share_of_beams():
+    solid, glass = room_with_pane()
+    settings = LaserSettings(**{**vars(EXACT), "glass_return_share": 0.3, "glass_pass_share": 0.5})
+    origins, directions = fan([0, 0], settings)
+    fate = sense(np.random.default_rng(0), settings, solid, glass, np.repeat(origins, 300, axis=0), np.repeat(directions, 300, axis=0))
+    ahead = fate[:, settings.beams // 2 - 5 : settings.beams // 2 + 6]
+    on_pane = np.abs(ahead * np.cos(bearings(settings)[settings.beams // 2 - 5 : settings.beams // 2 + 6]) - 1.99) < 1e-6
+    assert on_pane.mean() == pytest.approx(0.3, abs=0.03)
+    assert np.isnan(ahead).mean() == pytest.approx(0.2, abs=0.03)
+
+
 def test_bearings_are_those_of_carmen_logs():
     np.testing.assert_allclose(np.rad2deg(bearings(LaserSettings(beams=360)))[[0, 1, -1]], [-90, -89.5, 89.5])
 

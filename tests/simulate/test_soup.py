@@ -42,5 +42,5 @@ def test_facets_lie_around_their_places():
 
 
 def test_moving_turns_about_the_vertical_then_shifts():
-    moved = quads([[[1, 0, 0]] * 4], Surface.WALL).moved([5, 5, 1], np.pi / 2, 2.0)
-    np.testing.assert_allclose(moved.triangles[0, 0], [5, 7, 1], atol=1e-12)
+    moved = quads([[[1, 0, 0]] * 4], Surface.WALL).moved([5, 5, 1], np.pi / 2)
+    np.testing.assert_allclose(moved.triangles[0, 0], [5, 6, 1], atol=1e-12)

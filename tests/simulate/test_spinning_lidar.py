@@ -40,11 +40,64 @@ def test_rays_have_unit_length_and_turn_clockwise():
 
 
 def test_ranges_on_a_wall_are_exact():
-    turn = sense_turn(
-        np.random.default_rng(0), EXACT, [SurfaceCaster(pane(10.0, Surface.CLOTH))], np.eye(4), np.zeros(64), np.zeros((60, 64), bool)
+    ranges = one_turn(EXACT, pane(10.0, Surface.CLOTH))
+    np.testing.assert_allclose(ranges[0], 10 / np.cos(np.deg2rad(EXACT.elevations_deg)))
+    assert np.isnan(ranges[20:40]).all()
+
+
+def one_turn(lidar, scene, laser_bias_m=0.0):
+    """(azimuths, lasers) metres: a turn in the middle of the world, no beam of it hidden."""
+    none = np.zeros((lidar.azimuths, lidar.lasers), bool)
+    return sense_turn(np.random.default_rng(0), lidar, rays(lidar), [SurfaceCaster(scene)], np.eye(4), laser_bias_m, none)
+
+
+def test_ranges_have_the_noise_of_the_sensor_and_the_bias_of_their_laser():
+    around = replace(EXACT, azimuths=600)
+    bias = np.linspace(-0.05, 0.05, 64)
+    scene = boxes_3d([0, 0, -20], [20, 20, 40], surface=Surface.CLOTH)
+    errors = one_turn(replace(around, range_noise_m=0.02), scene, bias) - one_turn(around, scene)
+    np.testing.assert_allclose(errors.mean(axis=0), bias, atol=0.004)
+    assert (errors - bias).std() == pytest.approx(0.02, rel=0.03)
+
+
+@pytest.mark.parametrize(("kind", "spread_m"), [(Surface.CLOTH, 0.0), (Surface.WALL, 0.012), (Surface.LEAF, 0.03)])
+def test_rough_surfaces_spread_ranges(kind, spread_m):
+    lidar = replace(EXACT, azimuths=200)
+    errors = one_turn(lidar, boxes_3d([0, 0, -20], [20, 20, 40], surface=kind)) - one_turn(
+        lidar, boxes_3d([0, 0, -20], [20, 20, 40], surface=Surface.CLOTH)
     )
-    np.testing.assert_allclose(turn.ranges[0], 10 / np.cos(np.deg2rad(EXACT.elevations_deg)))
-    assert np.isnan(turn.ranges[20:40]).all()
+    assert errors.std() == pytest.approx(spread_m, rel=0.04)
+
+
+def test_as_many_beams_are_lost_as_asked_for():
+    lidar = replace(EXACT, azimuths=300, miss_share=0.1)
+    assert np.isnan(one_turn(lidar, boxes_3d([0, 0, -20], [20, 20, 40], surface=Surface.CLOTH))).mean() == pytest.approx(0.1, abs=0.008)
+
+
+def test_beams_at_small_edges_mix_both_depths():
+    """A palisade: posts of 0.5 m, half a metre before a wall."""
+    lidar = replace(EXACT, azimuths=1200)
+    posts = boxes_3d([[10, y, -20] for y in np.arange(-10, 10, 1.0)], [0.02, 0.5, 40], surface=Surface.CLOTH)
+    scene = joined([posts, pane(10.5, Surface.CLOTH)])
+    truth, found = one_turn(lidar, scene), one_turn(replace(lidar, edge_mix_share=0.3), scene)
+    before = np.roll(truth, 1, axis=0)
+    with np.errstate(invalid="ignore"):
+        edge = (np.abs(truth - before) > 0.1) & (np.abs(truth - before) < 1.0)
+        mixed = (found != truth) & np.isfinite(truth)
+    assert edge.sum() > 1000 and not (mixed & ~edge).any()
+    assert mixed[edge].mean() == pytest.approx(0.3, abs=0.05)
+    assert ((found > np.minimum(truth, before)) & (found < np.maximum(truth, before)))[mixed].all()
+
+
+def test_posts_hide_whole_bearings_and_at_most_so_many():
+    lidar = replace(SENSORS["os1"], posts=4, car=())
+    counts = []
+    for seed in range(30):
+        hidden = hidden_by_car(np.random.default_rng(seed), lidar)
+        assert (hidden.any(axis=1) == hidden.all(axis=1)).all()
+        counts.append(np.count_nonzero(hidden[:, 0] & ~np.roll(hidden[:, 0], 1)))
+    assert set(counts) <= {0, 1, 2, 3, 4} and len(set(counts)) >= 4
+    assert not hidden_by_car(np.random.default_rng(0), replace(lidar, posts=0)).any()
 
 
 def test_the_nearest_of_several_scenes_answers():
@@ -69,10 +122,7 @@ def test_dark_and_slanted_surfaces_are_lost_with_range():
     lidar = replace(SENSORS["hdl64"], azimuths=400)
     shares = []
     for kind, metres in ((Surface.WALL, 60.0), (Surface.DARK, 15.0), (Surface.DARK, 75.0)):
-        turn = sense_turn(
-            np.random.default_rng(0), lidar, [SurfaceCaster(pane(metres, kind))], np.eye(4), np.zeros(64), np.zeros((400, 64), bool)
-        )
-        shares.append(np.isfinite(turn.ranges[:20]).mean())
+        shares.append(np.isfinite(one_turn(lidar, pane(metres, kind))[:20]).mean())
     assert shares[0] > 0.9 and shares[1] > 0.9 > shares[2]
 
 
@@ -92,6 +142,12 @@ def test_the_car_hides_low_beams_ahead_and_behind_only(name):
         ({"azimuths": 3}, "lidar.azimuths"),
         ({"elevations_deg": ()}, "lidar.elevations_deg"),
         ({"start_heights_m": (0.0,)}, "lidar.start_heights_m"),
+        ({"elevations_deg": (float("nan"),) * 64}, "lidar.elevations_deg: expected angles from -90 to 90"),
+        ({"elevations_deg": (100.0,) * 64}, "lidar.elevations_deg: expected angles from -90 to 90"),
+        ({"start_heights_m": (float("nan"),) * 64}, "lidar.start_heights_m: expected finite numbers"),
+        ({"posts": -1}, "lidar.posts: expected a whole number of at least 0, got -1"),
+        ({"car": ((0, -22, 20, 0),)}, "lidar.car: expected rows of bearing, elevation"),
+        ({"car": ((0, -22, 20),)}, "lidar.car: expected rows of bearing, elevation"),
         ({"max_range_m": -1.0}, "lidar.max_range_m"),
         ({"range_noise_m": -1.0}, "lidar.range_noise_m"),
         ({"nearest_m": 1000.0}, "lidar.nearest_m: expected less than max_range_m"),

@@ -2,6 +2,8 @@
 
 import builtins
 import sys
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hilbertvae.checks import InputError
+from hilbertvae.simulate import street
 from hilbertvae.simulate.spinning_lidar import SENSORS
 from hilbertvae.simulate.street import CHARACTERS, StreetSettings, simulate_street
 
@@ -90,8 +93,28 @@ def test_pose_noise_moves_the_map_by_centimetres_only(sim):
     assert 0 < np.linalg.norm(exact.origins - noisy.origins, axis=1).max() < 0.1
 
 
-def test_traffic_can_be_left_out(sim):
-    assert len(simulate_street(StreetSettings(traffic=False, **COARSE), 1))
+@pytest.mark.parametrize("traffic", [True, False])
+def test_traffic_can_be_left_out(sim, monkeypatch, traffic):
+    movers = []
+    monkeypatch.setattr(street, "scan_scene", lambda rng, scene, *rest: movers.extend(scene.movers))
+    for seed in range(4):
+        simulate_street(StreetSettings(traffic=traffic, character="town", **COARSE), seed)
+    assert bool(movers) == traffic
+
+
+def test_what_moves_is_further_on_in_the_next_scan(sim):
+    """A box of 2 m, 9 m ahead of a car that stands, drives on by 1.5 m from scan to scan."""
+    from hilbertvae.simulate.soup import Surface, boxes_3d, joined
+    from hilbertvae.simulate.street_scene import Mover, Thing
+
+    flat = SimpleNamespace(place=lambda s, t: np.array([s, t, 0.0]), heading=lambda s: 0.0)
+    mover = Mover(Thing("vehicle", boxes_3d([0, 0, -20], [2, 40, 40], surface=Surface.CLOTH), 10.0, 0.0), 1.5)
+    scene = SimpleNamespace(plan=SimpleNamespace(ground=flat), movers=[mover], soup=lambda: joined([]))
+    exact = StreetSettings(pose_noise_m=0.0, heading_noise_deg=0.0)
+    lidar = replace(SENSORS["os1"], azimuths=90, range_noise_m=0.0, laser_bias_m=0.0, miss_share=0.0, edge_mix_share=0.0)
+    scans = street.scan_scene(np.random.default_rng(0), scene, np.tile(np.eye(4), (3, 1, 1)), lidar, exact)
+    fronts = [scans.points[(scans.scan == k) & (np.abs(scans.points[:, 1]) < 5), 0].mean() for k in range(3)]
+    np.testing.assert_allclose(fronts, [9.0, 10.5, 12.0], atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -108,6 +131,10 @@ def test_traffic_can_be_left_out(sim):
         ({"max_range_m": 2.0}, "street.max_range_m: expected more than nearest_m"),
         ({"max_range_m": float("inf")}, "street.max_range_m: expected a positive number"),
         ({"pose_noise_m": -0.1}, "street.pose_noise_m: expected a number from 0 on"),
+        ({"traffic": "no"}, "street.traffic: expected true or false, got 'no'"),
+        ({"nearest_m": 500.0}, r"street.nearest_m: expected less than the sensor's longest range \(80.0\), got 500.0"),
+        ({"nearest_m": 101.0, "sensor": "os1"}, r"street.nearest_m: expected less than the sensor's longest range \(100.0\)"),
+        ({"scans": 200}, "street.longest_step_m: expected a drive of at most 500 m, got 200 scans up to 3.0 m apart"),
         ({"pose_noise_m": None}, "street.pose_noise_m: expected a number from 0 on"),
         ({"range_noise_m": float("nan")}, "street.range_noise_m: expected a number from 0 on"),
     ],
@@ -117,9 +144,14 @@ def test_bad_settings_are_named(setting, message):
         StreetSettings(**setting)
 
 
-def test_returns_nearer_than_the_sensor_sees_are_asked_for(sim):
-    with pytest.raises(InputError, match=r"lidar.nearest_m: expected less than max_range_m \(.*\), got 500.0"):
-        simulate_street(StreetSettings(scans=1, nearest_m=500.0), 0)
+def test_sites_of_one_scan_drive_nowhere():
+    assert StreetSettings(scans=1000, single_scan_share=1.0).scans == 1000
+
+
+def test_shares_sum_to_one_and_name_what_there_is():
+    assert sum(CHARACTERS.values()) == pytest.approx(1) and sum(street.SENSOR_SHARES.values()) == pytest.approx(1)
+    assert set(street.SENSOR_SHARES) == set(SENSORS) == set(street.WHERE_SENSORS_DRIVE)
+    assert set().union(*street.WHERE_SENSORS_DRIVE.values()) <= set(CHARACTERS)
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, None])

@@ -1,5 +1,7 @@
 """Streets as geometry: what stands where."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from hilbertvae.simulate.soup import Surface
 pytest.importorskip("embreex")
 pytest.importorskip("shapely")
 
-from hilbertvae.simulate.street import CHARACTERS, StreetSettings, draw_poses  # noqa: E402
+from hilbertvae.simulate.street import CHARACTERS, draw_poses  # noqa: E402
 from hilbertvae.simulate.street_filling import add_traffic, fill  # noqa: E402
 from hilbertvae.simulate.street_plan import draw_street_plan  # noqa: E402
 from hilbertvae.simulate.surfaces import SurfaceCaster  # noqa: E402
@@ -88,7 +90,24 @@ def test_the_driven_lane_is_clear(scene):
         assert not inside.any()
 
 
+def test_traffic_keeps_off_the_car_that_carries_the_sensor():
+    """Over many drives of other steps: whatever shares its lane is always further from its middle than its nose and tail are."""
+    lane_s, met = 2.0 * np.arange(6), 0
+    for seed in range(60):
+        plan = SimpleNamespace(island=None, lane_t=1.75, other_t=-1.75)
+        traffic = SimpleNamespace(plan=plan, movers=[])
+        add_traffic(np.random.default_rng(seed), traffic, 2.0, lane_s)
+        for mover in traffic.movers:
+            if mover.thing.angle_rad == 0:
+                met += 1
+                half_m = np.abs(mover.thing.soup.triangles[..., 0]).max()
+                gaps = [abs(mover.at_scan(k).s - s) - half_m for k, s in enumerate(lane_s)]
+                assert min(gaps) > (5.9 if mover.thing.kind == "vehicle" else 2.5), seed
+    assert met > 30
+
+
 def test_movers_move_straight_on(scene):
+    assert scene.movers
     for mover in scene.movers:
         a, b = mover.at_scan(0), mover.at_scan(3)
         assert np.hypot(b.s - a.s, b.t - a.t) == pytest.approx(3 * mover.step_m)
@@ -104,7 +123,3 @@ def test_streets_hold_what_streets_hold():
         surfaces |= set(np.unique(scene.soup().surface).tolist())
     assert {"house", "vehicle", "tree", "bush", "hedge", "wall", "fence", "lamp post", "sign", "bin", "box", "person"} <= kinds
     assert surfaces >= {int(kind) for kind in Surface}
-
-
-def test_characters_and_settings_agree():
-    assert set(CHARACTERS) == {name for name in CHARACTERS if StreetSettings(character=name)}

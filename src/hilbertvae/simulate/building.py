@@ -16,19 +16,23 @@ STYLES = {"corridors": 0.6, "hall": 0.22, "enfilade": 0.18}
 
 ATTEMPTS = 20
 
+MOST_EXTENT_M = 1000.0
+"""Longer buildings are refused: their rasters of free space would take the memory of the machine."""
+
 
 @dataclass(frozen=True)
 class BuildingSettings:
     """What buildings are drawn, and how they are scanned.
 
     style: a key of `layouts.LAYOUTS`, or "any".
-    shortest_extent_m, longest_extent_m: about how long the building is.
+    shortest_extent_m, longest_extent_m: about how long the building is, from 6 to 1000.
     scans: at most so many sweeps; a drive takes one every 0.4 to 1.1 m or 20 to 40 degrees.
     clearance_m: how far the robot keeps from everything solid.
     pose_noise_m, heading_noise_deg: spread of the slowly wandering error of the poses, as a SLAM system leaves them;
-    some buildings have two thirds of it, some one and a half times.
+    a third of the buildings have 0.6 times as much, a third one and a half times.
     sweeps_per_passer_by: one walks past in so many sweeps, in some buildings in four times as many; inf for nobody.
-    draw_laser: beams, noise and misses vary from building to building, as robots do; else `laser` as it stands.
+    draw_laser: another robot's laser in each building: once or twice the beams of `laser`, 0.85, 1 or 1.3 times its longest range,
+    and other noise, misses and mixing at edges; else `laser` as it stands.
     """
 
     style: str = "any"
@@ -43,10 +47,11 @@ class BuildingSettings:
     laser: LaserSettings = field(default_factory=LaserSettings)
 
     def __post_init__(self):
-        if self.style != "any" and self.style not in STYLES:
+        if not isinstance(self.style, str) or self.style not in ("any", *STYLES):
             raise InputError(f'building.style: expected "any" or one of {", ".join(STYLES)}, got {self.style!r}')
-        if not self.sweeps_per_passer_by >= 1:
-            raise InputError(f"building.sweeps_per_passer_by: expected at least 1, got {self.sweeps_per_passer_by!r}")
+        each = self.sweeps_per_passer_by
+        if isinstance(each, bool) or not isinstance(each, (int, float, np.number)) or not each >= 1:
+            raise InputError(f"building.sweeps_per_passer_by: expected at least 1, or inf for nobody, got {each!r}")
         for name in ("shortest_extent_m", "longest_extent_m", "clearance_m"):
             check_positive(getattr(self, name), f"building.{name}")
         if not 6 <= self.shortest_extent_m <= self.longest_extent_m:
@@ -54,9 +59,15 @@ class BuildingSettings:
                 "building.shortest_extent_m: expected at least 6 and at most longest_extent_m "
                 f"({self.longest_extent_m!r}), got {self.shortest_extent_m!r}"
             )
+        if self.longest_extent_m > MOST_EXTENT_M:
+            raise InputError(f"building.longest_extent_m: expected at most {MOST_EXTENT_M:g}, got {self.longest_extent_m!r}")
         check_count(self.scans, "building.scans")
         for name in ("pose_noise_m", "heading_noise_deg"):
             check_not_negative(getattr(self, name), f"building.{name}")
+        if not isinstance(self.draw_laser, (bool, np.bool_)):
+            raise InputError(f"building.draw_laser: expected true or false, got {self.draw_laser!r}")
+        if not isinstance(self.laser, LaserSettings):
+            raise InputError(f"building.laser: expected LaserSettings, got {self.laser!r}")
 
 
 def simulate_building(settings: BuildingSettings, seed: int) -> Scans:

@@ -8,6 +8,9 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_share, extra_module
 
+MIXED_M = 1.5
+"""Up to such a depth a planar laser mixes the two sides of an edge."""
+
 
 @dataclass(frozen=True)
 class LaserSettings:
@@ -124,7 +127,7 @@ def sense(
     ranges = np.where(at_glass & (fate < settings.glass_return_share), to_glass, ranges)
     passes = settings.glass_return_share + settings.glass_pass_share
     ranges = np.where(at_glass & (fate >= passes), np.inf, ranges)
-    ranges = _mixed_at_edges(rng, settings, ranges)
+    ranges = np.column_stack([ranges[:, :1], mixed_at_edges(rng, ranges[:, 1:], ranges[:, :-1], settings.edge_mix_share, MIXED_M)])
     ranges = ranges + rng.normal(0.0, 1.0, sweeps) * settings.range_noise_m
     if settings.range_step_m > 0:
         ranges = np.round(ranges / settings.range_step_m) * settings.range_step_m
@@ -132,14 +135,13 @@ def sense(
     return np.where(lost | ~(ranges < settings.max_range_m) | (ranges <= 0.02), np.nan, ranges)
 
 
-def _mixed_at_edges(rng, settings: LaserSettings, ranges: np.ndarray) -> np.ndarray:
-    """A beam is a cone: beside an edge part of it goes on, and some sensors answer with a range in between."""
-    shorter = np.minimum(ranges[:, 1:], ranges[:, :-1])
+def mixed_at_edges(rng: np.random.Generator, ranges: np.ndarray, before: np.ndarray, share: float, deepest_m: float) -> np.ndarray:
+    """`ranges`, a `share` of those at an edge to their neighbours `before` somewhere in between; both of one shape, metres.
+
+    A beam is a cone: beside an edge part of it goes on, and some sensors answer with a range in between. Over gaps from
+    `deepest_m` on the two echoes are told apart.
+    """
     with np.errstate(invalid="ignore"):
-        jump = np.abs(np.diff(ranges, axis=1))
-    # Over long gaps the two echoes are told apart, so only small jumps mix.
-    mixes = (jump > 0.1) & (jump < 1.5) & (rng.random(jump.shape) < settings.edge_mix_share)
-    mixed = shorter + rng.random(jump.shape) * np.where(mixes, jump, 0.0)
-    result = ranges.copy()
-    result[:, 1:] = np.where(mixes, mixed, result[:, 1:])
-    return result
+        jump = np.abs(ranges - before)
+    mixes = (jump > 0.1) & (jump < deepest_m) & (rng.random(jump.shape) < share)
+    return np.where(mixes, np.minimum(ranges, before) + rng.random(jump.shape) * np.where(mixes, jump, 0.0), ranges)

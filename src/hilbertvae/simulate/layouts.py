@@ -186,7 +186,7 @@ def _free_standing(rng, centre, angle) -> list[shapely.Polygon]:
 
 
 def enfilade(rng: np.random.Generator, sketch: Sketch, extent_m: float) -> None:
-    """One or two rows of rooms that open into one another, with thick walls and bays, as in castles and museums."""
+    """One to three rows of rooms that open into one another, with thick walls and bays, as in castles and museums."""
     sketch.wall_m = rng.uniform(0.25, 0.8)
     base_m, angle = 0.0, rng.normal(0, 0.03)
     for row in range(rng.integers(1, 4)):

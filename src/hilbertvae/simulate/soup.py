@@ -33,10 +33,10 @@ class Soup:
     def __len__(self) -> int:
         return len(self.triangles)
 
-    def moved(self, place: np.ndarray, heading_rad: float = 0.0, scale: float = 1.0) -> Soup:
-        """Scaled, turned counter-clockwise about z, then shifted by `place` (3,)."""
-        cosine, sine = scale * np.cos(heading_rad), scale * np.sin(heading_rad)
-        turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, scale]])
+    def moved(self, place: np.ndarray, heading_rad: float = 0.0) -> Soup:
+        """Turned counter-clockwise about z, then shifted by `place` (3,)."""
+        cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
+        turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1.0]])
         return Soup(self.triangles @ turn.T + np.asarray(place, dtype=float), self.surface)
 
 

@@ -6,8 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_share
+from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_share, check_whole
+from hilbertvae.simulate.laser import mixed_at_edges
 from hilbertvae.simulate.surfaces import Echo, SurfaceCaster, echoes
+
+MIXED_M = 1.0
+"""Up to such a depth a spinning lidar mixes the two sides of an edge."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,10 @@ class SpinningLidar:
     def __post_init__(self):
         if len(self.elevations_deg) == 0 or len(self.elevations_deg) != len(self.start_heights_m):
             raise InputError("lidar.elevations_deg: expected at least one laser, and as many as lidar.start_heights_m has")
+        for name, most in (("elevations_deg", 90), ("start_heights_m", np.inf)):
+            if not all(_is_number(value) and abs(value) <= most for value in getattr(self, name)):
+                wanted = "finite numbers" if most == np.inf else f"angles from -{most} to {most}"
+                raise InputError(f"lidar.{name}: expected {wanted}, got {getattr(self, name)!r}")
         check_count(self.azimuths, "lidar.azimuths", least=4)
         for name in ("height_m", "max_range_m", "faintest", "nearest_m"):
             check_positive(getattr(self, name), f"lidar.{name}")
@@ -48,10 +56,19 @@ class SpinningLidar:
             raise InputError(f"lidar.nearest_m: expected less than max_range_m ({self.max_range_m!r}), got {self.nearest_m!r}")
         for name in ("miss_share", "edge_mix_share"):
             check_share(getattr(self, name), f"lidar.{name}")
+        if not all(len(row) == 4 and all(map(_is_number, row)) and row[2] >= 0 and row[3] > 0 for row in self.car):
+            raise InputError(
+                f"lidar.car: expected rows of bearing, elevation, half width (from 0 on) and ramp (above 0), degrees, got {self.car!r}"
+            )
+        check_whole(self.posts, "lidar.posts")
 
     @property
     def lasers(self) -> int:
         return len(self.elevations_deg)
+
+
+def _is_number(value) -> bool:
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and bool(np.isfinite(value))
 
 
 def _steps(first: float, last: float, count: int) -> tuple[float, ...]:
@@ -127,35 +144,31 @@ def hidden_by_car(rng: np.random.Generator, lidar: SpinningLidar) -> np.ndarray:
     return np.asarray(lidar.elevations_deg) < lowest[:, None]
 
 
-@dataclass(frozen=True)
-class Sweep:
-    """What one turn returns, in the sensor frame. ranges: (azimuths, lasers) metres, NaN where nothing came back."""
-
-    starts: np.ndarray
-    directions: np.ndarray
-    ranges: np.ndarray
-
-
 def sense_turn(
     rng: np.random.Generator,
     lidar: SpinningLidar,
+    beams: tuple[np.ndarray, np.ndarray],
     casters: list[SurfaceCaster],
     pose: np.ndarray,
     laser_bias_m: np.ndarray,
     hidden: np.ndarray,
-) -> Sweep:
-    """One turn at `pose` (4, 4), sensor to world; the casters' scenes are in the world frame."""
-    starts, directions = rays(lidar)
+) -> np.ndarray:
+    """(azimuths, lasers) metres, NaN where nothing came back: one turn at `pose` (4, 4), sensor to world.
+
+    `beams` are the `rays` of the lidar; the casters' scenes are in the world frame.
+    """
+    starts, directions = beams
     shape = directions.shape[:2]
     open_beams = np.flatnonzero(~hidden.ravel())
     origins = starts.reshape(-1, 3)[open_beams] @ pose[:3, :3].T + pose[:3, 3]
     echo = echoes(rng, casters, origins, directions.reshape(-1, 3)[open_beams] @ pose[:3, :3].T)
     ranges = np.full(hidden.size, np.inf)
     ranges[open_beams] = _answered(rng, lidar, echo)
-    ranges = _mixed_at_edges(rng, lidar, ranges.reshape(shape))
+    ranges = ranges.reshape(shape)
+    ranges = mixed_at_edges(rng, ranges, np.roll(ranges, 1, axis=0), lidar.edge_mix_share, MIXED_M)  # along each laser's turn
     ranges = ranges + rng.normal(0, 1, shape) * lidar.range_noise_m + laser_bias_m
     lost = rng.random(shape) < lidar.miss_share
-    return Sweep(starts, directions, np.where(lost | ~(ranges < lidar.max_range_m) | (ranges <= lidar.nearest_m), np.nan, ranges))
+    return np.where(lost | ~(ranges < lidar.max_range_m) | (ranges <= lidar.nearest_m), np.nan, ranges)
 
 
 def _answered(rng, lidar: SpinningLidar, echo: Echo) -> np.ndarray:
@@ -164,12 +177,3 @@ def _answered(rng, lidar: SpinningLidar, echo: Echo) -> np.ndarray:
         strength = np.log(echo.brightness / echo.ranges**2) - np.log(lidar.faintest)
     seen = rng.random(len(strength)) < 1 / (1 + np.exp(-3 * np.where(np.isfinite(strength), strength, -99)))
     return np.where(seen, echo.ranges + rng.normal(0, 1, len(strength)) * echo.roughness_m, np.inf)
-
-
-def _mixed_at_edges(rng, lidar: SpinningLidar, ranges: np.ndarray) -> np.ndarray:
-    """Beams beside a small depth edge that return a range in between, along each laser's turn."""
-    before = np.roll(ranges, 1, axis=0)
-    with np.errstate(invalid="ignore"):
-        jump = np.abs(ranges - before)
-    mixes = (jump > 0.1) & (jump < 1.0) & (rng.random(jump.shape) < lidar.edge_mix_share)
-    return np.where(mixes, np.minimum(ranges, before) + rng.random(jump.shape) * np.where(mixes, jump, 0.0), ranges)

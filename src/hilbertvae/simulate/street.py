@@ -10,7 +10,7 @@ from hilbertvae.checks import InputError, check_count, check_not_negative, check
 from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.laser import sim_extra
 from hilbertvae.simulate.pose_errors import wandering
-from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar, hidden_by_car, sense_turn
+from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar, hidden_by_car, rays, sense_turn
 
 CHARACTERS = {"residential": 0.48, "town": 0.27, "avenue": 0.07, "outskirts": 0.11, "park": 0.07}
 """Shares of the kinds of streets among those of character "any"."""
@@ -21,6 +21,9 @@ SENSOR_SHARES = {"hdl64": 0.6, "hdl32": 0.25, "os1": 0.15}
 WHERE_SENSORS_DRIVE = {"hdl64": {}, "hdl32": {"avenue": 30.0, "outskirts": 3.0}, "os1": {"park": 12.0}}
 """How many times as often as others a sensor's car is in such streets: wide ones for nuScenes' cars, paths for a small robot."""
 
+MOST_DRIVE_M = 500.0
+"""Longer drives are refused: the sharpest of streets would come round to where it began."""
+
 
 @dataclass
 class StreetSettings:
@@ -28,9 +31,15 @@ class StreetSettings:
 
     character: one of `CHARACTERS`, or "any". sensor: a key of `spinning_lidar.SENSORS`, or "any": another one per site.
     azimuths, max_range_m, range_noise_m: firings in a turn, longest range and spread of ranges; None for the sensor's own.
-    single_scan_share: of sites, those of one scan only; the others have 2 to `scans` scans, `shortest_step_m` to `longest_step_m` apart.
-    pose_noise_m, heading_noise_deg: spread of the slowly wandering error of the poses, as scan matching leaves it.
+    single_scan_share: of sites, those of one scan only; the others have 2 to `scans` scans, `shortest_step_m` to `longest_step_m` apart,
+    over a drive of at most 500 m.
+    pose_noise_m, heading_noise_deg: spread of the slowly wandering error of the poses, as scan matching leaves it; the second is also
+    that of roll and pitch.
+    nearest_m: closer returns are cut, as the car itself is.
     traffic: whether anything moves between scans.
+
+    A street is drawn as long and as wide as its drive and the lidar's range ask for: other scans, steps or max_range_m are another
+    street, not the same one scanned otherwise.
     """
 
     character: str = "any"
@@ -62,12 +71,24 @@ class StreetSettings:
             raise InputError(
                 f"street.shortest_step_m: expected at most longest_step_m ({self.longest_step_m!r}), got {self.shortest_step_m!r}"
             )
-        if self.max_range_m is not None and check_positive(self.max_range_m, "street.max_range_m") <= self.nearest_m:
+        if self.single_scan_share < 1 and (self.scans - 1) * self.longest_step_m > MOST_DRIVE_M:
+            raise InputError(
+                f"street.longest_step_m: expected a drive of at most {MOST_DRIVE_M:g} m, got {self.scans} scans up to "
+                f"{self.longest_step_m!r} m apart"
+            )
+        if self.max_range_m is None:
+            of_sensors = [SENSORS[self.sensor]] if self.sensor != "any" else SENSORS.values()
+            sees_m = min(lidar.max_range_m for lidar in of_sensors)
+            if self.nearest_m >= sees_m:
+                raise InputError(f"street.nearest_m: expected less than the sensor's longest range ({sees_m!r}), got {self.nearest_m!r}")
+        elif check_positive(self.max_range_m, "street.max_range_m") <= self.nearest_m:
             raise InputError(f"street.max_range_m: expected more than nearest_m ({self.nearest_m!r}), got {self.max_range_m!r}")
         for name in ("pose_noise_m", "heading_noise_deg", "range_noise_m"):
             if getattr(self, name) is None and name == "range_noise_m":
                 continue
             check_not_negative(getattr(self, name), f"street.{name}")
+        if not isinstance(self.traffic, (bool, np.bool_)):
+            raise InputError(f"street.traffic: expected true or false, got {self.traffic!r}")
 
 
 def simulate_street(settings: StreetSettings, seed: int) -> Scans:
@@ -152,7 +173,7 @@ def scan_scene(rng: np.random.Generator, scene, poses: np.ndarray, lidar: Spinni
     from hilbertvae.simulate.soup import joined
     from hilbertvae.simulate.surfaces import SurfaceCaster
 
-    still = SurfaceCaster(scene.soup())
+    still, beams = SurfaceCaster(scene.soup()), rays(lidar)
     hidden = hidden_by_car(rng, lidar)
     bias = rng.normal(0, lidar.laser_bias_m, lidar.lasers)
     believed = np.linalg.inv(poses[0]) @ poses @ _errors(rng, len(poses), settings)
@@ -160,12 +181,12 @@ def scan_scene(rng: np.random.Generator, scene, poses: np.ndarray, lidar: Spinni
     for k, pose in enumerate(poses):
         moving = joined([mover.at_scan(k).in_world(scene.plan.ground) for mover in scene.movers])
         casters = [still, SurfaceCaster(moving)] if len(moving) else [still]
-        turn = sense_turn(rng, lidar, casters, pose, bias, hidden)
-        azimuth, laser = np.nonzero(np.isfinite(turn.ranges))
-        start, way = turn.starts[azimuth, laser], turn.directions[azimuth, laser]
+        ranges = sense_turn(rng, lidar, beams, casters, pose, bias, hidden)
+        azimuth, laser = np.nonzero(np.isfinite(ranges))
+        start, way = (part[azimuth, laser] for part in beams)
         origin = start @ believed[k, :3, :3].T + believed[k, :3, 3]
         origins.append(origin)
-        points.append(origin + turn.ranges[azimuth, laser, None] * (way @ believed[k, :3, :3].T))
+        points.append(origin + ranges[azimuth, laser, None] * (way @ believed[k, :3, :3].T))
         beam.append(azimuth * lidar.lasers + laser)
         scan.append(np.full(len(azimuth), k))
     return Scans(

@@ -19,7 +19,7 @@ from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reconstruction.symmetry import check_flips
 from hilbertvae.scans.formats import ReadingSettings
 from hilbertvae.scoring.protocol import Protocol
-from hilbertvae.simulate.building import BuildingSettings
+from hilbertvae.simulate.building import MOST_EXTENT_M, BuildingSettings
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.site import SIMULATED, SiteSource
 from hilbertvae.training.optimizers import OPTIMIZERS
@@ -74,8 +74,8 @@ class DataSettings:
         if self.simulated:
             check_count(self.simulated_clusterings, "data.simulated_clusterings")
         extent = self.simulated_extent_m
-        if len(extent) != 2 or not 6 <= extent[0] <= extent[1]:
-            raise InputError(f"data.simulated_extent_m: expected two lengths from 6 on, the shorter first, got {extent}")
+        if len(extent) != 2 or not 6 <= extent[0] <= extent[1] <= MOST_EXTENT_M:
+            raise InputError(f"data.simulated_extent_m: expected two lengths from 6 to {MOST_EXTENT_M:g}, the shorter first, got {extent}")
 
 
 @dataclass
