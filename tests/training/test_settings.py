@@ -132,3 +132,9 @@ def test_how_simulated_buildings_are_read():
     assert (source.dimension, source.folder, source.download) == (2, "logs", True)
     building = source.building
     assert (building.scans, building.shortest_extent_m, building.longest_extent_m) == (20, 12, 16)
+
+
+@pytest.mark.parametrize("extent", [[5.0, 9.0], [16.0, 12.0], [12.0], [12.0, 1e6]])
+def test_simulated_buildings_have_a_length_that_can_be_scanned(extent):
+    with pytest.raises(InputError, match="data.simulated_extent_m: expected two lengths from 6 to 1000"):
+        replace(good(), data=DataSettings(train=["aces"], simulated_extent_m=extent)).check()
