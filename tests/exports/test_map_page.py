@@ -195,3 +195,16 @@ def test_a_browser_that_draws_no_solid_things_says_so(tmp_path):
     page.write_text(page.read_text().replace('"use strict";', "HTMLCanvasElement.prototype.getContext = () => null;", 1))
     told, _ = shown_by_browser(page, tmp_path)
     assert "The map can't be shown: this browser draws no WebGL" in told and "data-ready" not in told.split("<script")[0]
+
+
+@pytest.mark.skipif(browser() is None, reason="no Chromium here")
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_two_fingers_come_closer_by_as_much_as_they_move_apart(dimension, tmp_path):
+    act = """
+      const view = document.getElementById('view'), bar = document.getElementById('scale'); view.setPointerCapture = () => {};
+      const finger = (kind, id, x) => view.dispatchEvent(new PointerEvent(kind, { pointerId: id, clientX: x, clientY: 300, buttons: 1 }));
+      const pixelsPerMetre = () => parseFloat(bar.style.width) / parseFloat(bar.textContent), before = pixelsPerMetre();
+      finger('pointerdown', 1, 300); finger('pointerdown', 2, 500); finger('pointermove', 2, 600);
+      document.title = pixelsPerMetre() / before;"""
+    told, _ = shown_by_browser(write_page(sheet(dimension), tmp_path / "map.html", "a map", TABLES), tmp_path, act)
+    assert float(re.search("<title>(.*?)</title>", told)[1]) == pytest.approx(1.5, abs=0.01)
