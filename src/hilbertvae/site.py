@@ -18,6 +18,7 @@ from hilbertvae.last_few import LastFew
 from hilbertvae.scans.formats import ReadingSettings, is_scan_path, read_scans_path
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.sites import find_site, read_site, site_path
+from hilbertvae.simulate import SCENES
 from hilbertvae.simulate.building import BuildingSettings, simulate_building
 from hilbertvae.simulate.street import StreetSettings, simulate_street
 from hilbertvae.voxel_votes import VoxelVotes, voxel_votes
@@ -164,7 +165,7 @@ class SiteSource:
     def made_of(self, reference: str) -> dict:
         """What the scans of a reference depend on, for hashes: contents, never places."""
         if reference.startswith(SIMULATED):
-            return {"site": reference, "simulated": asdict(self.street if self.dimension == 3 else self.building)}
+            return {"site": reference, "simulated": asdict(self.street if self.dimension == 3 else self.building), "scenes": SCENES}
         if is_scan_path(reference):
             return {"site": path_sha256(reference), "reading": asdict(self.reading)}
         return {"site": asdict(find_site(reference))}

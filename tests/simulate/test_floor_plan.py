@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("embreex")
 shapely = pytest.importorskip("shapely")
 
-from hilbertvae.simulate import furniture  # noqa: E402
+from hilbertvae.simulate import floor_plan, furniture  # noqa: E402
 from hilbertvae.simulate.floor_plan import draw_floor_plan  # noqa: E402
 from hilbertvae.simulate.free_space import find_free_space, inside  # noqa: E402
 from hilbertvae.simulate.layouts import LAYOUTS, Sketch  # noqa: E402
@@ -30,6 +30,35 @@ def test_rooms_keep_a_walls_thickness_apart():
 
 def test_some_plans_have_glass():
     assert any(len(draw_floor_plan(np.random.default_rng(seed), 30.0, "corridors").glass) for seed in range(8))
+
+
+def test_every_part_of_a_building_has_windows(monkeypatch):
+    def two_halls(rng, sketch, extent_m):
+        sketch.add(shapely.box(0, 0, 10, 8), "hall")
+        sketch.add(shapely.box(40, 0, 50, 8), "hall")
+
+    monkeypatch.setitem(LAYOUTS, "two halls", two_halls)
+    glazed = np.zeros((0, 2), int)
+    for seed in range(30):
+        plan = draw_floor_plan(np.random.default_rng(seed), 15.0, "two halls")
+        glazed = np.vstack([glazed, [np.sum(shapely.distance(plan.glass, hall.polygon) < 1) for hall in plan.floors[:2]]])
+    assert (glazed > 0).all(axis=1).sum() >= 4
+
+
+@pytest.mark.parametrize("style", LAYOUTS)
+def test_shut_doors_stay_within_their_wall(style, monkeypatch):
+    really = floor_plan._hang_door
+    monkeypatch.setattr(floor_plan, "_hang_door", lambda *given: really(*(False if isinstance(g, bool) else g for g in given)))
+    doors = shut = 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        sketch = Sketch(wall_m=rng.uniform(0.1, 0.36), outer_wall_m=0.3)
+        LAYOUTS[style](rng, sketch, 30.0)
+        openings, leaves, _ = floor_plan._doors(rng, sketch)
+        doors, shut = doors + len(openings), shut + len(leaves)
+        for leaf in leaves:
+            assert not any(floor.polygon.intersects(leaf.buffer(-0.0011)) for floor in sketch.floors)
+    assert shut > max(50, 0.95 * doors)
 
 
 @pytest.mark.parametrize("style", LAYOUTS)

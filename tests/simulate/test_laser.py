@@ -134,6 +134,37 @@ def test_beams_at_small_edges_mix_both_depths(jump_m, share):
     assert not mixed.any() or (5.0 < found[:, 1:][mixed].min() < 5.1 and 5.4 < found[:, 1:][mixed].max() < 5.5)
 
 
+@pytest.mark.parametrize("beams", [60, 180, 360])
+def test_slanted_walls_and_corners_are_no_edges(beams):
+    """A corridor of 40 x 1 m: neighbouring beams differ by up to metres, and nothing stands before anything else."""
+    solid, glass = RayCaster(*extrude(edges([shapely.box(-1, -0.4, 39, 0.6)]))), RayCaster(*extrude(np.empty((0, 2, 2))))
+    settings = LaserSettings(**{**vars(EXACT), "beams": beams, "max_range_m": 50.0})
+    origins, directions = fan([0, 0], settings)
+    truth = sense(np.random.default_rng(0), settings, solid, glass, origins, directions)
+    found = sense(np.random.default_rng(0), LaserSettings(**{**vars(settings), "edge_mix_share": 1.0}), solid, glass, origins, directions)
+    jump = np.abs(np.diff(truth))
+    assert ((jump > 0.1) & (jump < 1.5)).sum() >= 4
+    np.testing.assert_array_equal(found, truth)
+
+
+@pytest.mark.parametrize(
+    ("seen", "mixes"),
+    [
+        ([5, 5, 5.5, 5.5], [2]),
+        ([np.inf, 5, 5.5, 5.5], [2]),  # one side of a single beam: the other alone decides
+        ([5, 5, 5.5, np.inf], [2]),
+        ([np.inf, 5, 5.5, np.inf], [2]),
+        ([5, 5, np.inf, 5.5, 5.5], []),
+        ([5, 5, 5, 5.5, 5, 5, 5], [3, 4]),  # something narrow
+    ],
+)
+def test_edges_between_what_is_seen_mix_and_no_others(seen, mixes):
+    seen = np.tile(np.asarray(seen, dtype=float), (20, 1))
+    found = answers(seen, edge_mix_share=1.0)
+    changed = np.isfinite(seen) & (found != seen)
+    assert [k for k in range(seen.shape[1]) if changed[:, k].any()] == mixes and changed[:, mixes].all()
+
+
 def test_panes_return_their_share_of_beams():
     solid, glass = room_with_pane()
     settings = LaserSettings(**{**vars(EXACT), "glass_return_share": 0.3, "glass_pass_share": 0.5})

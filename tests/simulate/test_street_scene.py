@@ -8,8 +8,9 @@ import pytest
 from hilbertvae.simulate.soup import Surface
 
 pytest.importorskip("embreex")
-pytest.importorskip("shapely")
+shapely = pytest.importorskip("shapely")
 
+from hilbertvae.simulate.land import footprint  # noqa: E402
 from hilbertvae.simulate.street import CHARACTERS, draw_poses  # noqa: E402
 from hilbertvae.simulate.street_filling import add_traffic, fill  # noqa: E402
 from hilbertvae.simulate.street_plan import draw_street_plan  # noqa: E402
@@ -106,6 +107,27 @@ def test_traffic_keeps_off_the_car_that_carries_the_sensor():
     assert met > 30
 
 
+def test_traffic_meets_a_long_drive_all_along():
+    lane_s, towards = 2.0 * np.arange(60), []
+    for seed in range(30):
+        traffic = SimpleNamespace(plan=SimpleNamespace(island=None, lane_t=1.75, other_t=-1.75), movers=[])
+        add_traffic(np.random.default_rng(seed), traffic, 2.0, lane_s)
+        towards += [mover.thing.s for mover in traffic.movers if mover.thing.kind == "vehicle" and mover.thing.angle_rad]
+    assert min(towards) < 0 and max(towards) > lane_s[-1] + 40
+    assert len(towards) / 30 == pytest.approx(0.12 * 21, rel=0.3)
+
+
+def test_wide_signs_stand_beside_the_road_and_not_over_it(streets):
+    for scene in streets:
+        for thing in scene.things:
+            board = thing.soup.triangles[thing.soup.triangles[..., 2].min(axis=1) < 2.0][..., :2].reshape(-1, 2)
+            if thing.kind == "sign" and np.ptp(board[:, 1]) > 1.0:
+                ends = np.array([thing.s, thing.t]) + np.outer(
+                    [board[:, 1].min(), board[:, 1].max()], [-np.sin(thing.angle_rad), np.cos(thing.angle_rad)]
+                )
+                assert not shapely.contains_xy(shapely.buffer(scene.plan.ground.road, -0.2), ends).any()
+
+
 def test_movers_move_straight_on(scene):
     assert scene.movers
     for mover in scene.movers:
@@ -123,3 +145,61 @@ def test_streets_hold_what_streets_hold():
         surfaces |= set(np.unique(scene.soup().surface).tolist())
     assert {"house", "vehicle", "tree", "bush", "hedge", "wall", "fence", "lamp post", "sign", "bin", "box", "person"} <= kinds
     assert surfaces >= {int(kind) for kind in Surface}
+
+
+def base(thing):
+    return footprint(thing.kind, thing.soup, (thing.s, thing.t), thing.angle_rad)
+
+
+@pytest.fixture(scope="module")
+def streets():
+    """Two of each character with all that a plan may have; the first of each has a car park."""
+    scenes = []
+    for character in CHARACTERS:
+        for wanted in (True, False):
+            seeds = (np.random.default_rng([3, seed]) for seed in range(200))
+            plans = (draw_street_plan(rng, character, DRIVE_M) for rng in seeds)
+            plan = next(plan for plan in plans if len(plan.car_parks) == wanted)
+            scenes.append(fill(np.random.default_rng(4), plan, DRIVE_M))
+    return scenes
+
+
+def test_only_what_drives_stands_on_the_carriageway(streets):
+    for scene in streets:
+        road = shapely.buffer(scene.plan.ground.road, -0.2)
+        for thing in scene.things:
+            if thing.kind not in ("vehicle", "person", "grass"):
+                assert not shapely.intersects(road, base(thing)), (thing.kind, thing.s, thing.t)
+
+
+def test_nothing_stands_in_anything_else(streets):
+    """Houses, cars, poles and trunks: by 0.3 m, as a house's tilt or a hedge's leaves may touch."""
+    for scene in streets:
+        solid = [thing for thing in scene.things if thing.kind not in ("hedge", "wall", "fence", "rail", "bush", "grass", "person")]
+        inner = shapely.buffer([base(thing) for thing in solid], -0.15)
+        pairs = shapely.STRtree(inner).query(inner, predicate="intersects").T
+        assert not [(solid[a].kind, solid[b].kind) for a, b in pairs if a < b]
+
+
+def test_entrances_of_car_parks_are_kept_free(streets):
+    found = 0
+    for scene in streets:
+        for s0, t0, s1, t1 in scene.plan.car_parks:
+            edge = min(abs(t0), abs(t1)) * np.sign(t0 + t1)
+            entrance = shapely.box(s0 + 3.3, min(0.5 * edge, edge), s0 + 8.7, max(0.5 * edge, edge))
+            assert not any(shapely.intersects(entrance, base(thing)) for thing in scene.things if thing.kind not in ("grass", "person"))
+            found += 1
+            assert s1 - s0 >= 20
+    assert found == len(CHARACTERS)
+
+
+def test_nothing_parked_reaches_into_the_driven_lane():
+    """Lorries among cars that are parked across: a bay is five metres deep."""
+    for seed in range(40):
+        plan = draw_street_plan(np.random.default_rng([5, seed]), "residential", DRIVE_M)
+        across = [line for line in plan.lines if line.parking == "across"]
+        scene = fill(np.random.default_rng(6), plan, DRIVE_M) if across else None
+        for thing in scene.things if scene else []:
+            if thing.kind == "vehicle":
+                _, low, _, high = shapely.bounds(base(thing))
+                assert low > plan.lane_t + 0.95 or high < plan.lane_t - 0.95, seed

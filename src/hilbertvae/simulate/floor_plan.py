@@ -117,7 +117,7 @@ def _doors(rng, sketch: Sketch):
     and what furniture must leave free.
     """
     reach_m = sketch.wall_m * 1.3 + 0.05
-    polygons = [floor.polygon for floor in sketch.floors]
+    polygons = np.array([floor.polygon for floor in sketch.floors])
     tree = shapely.STRtree(polygons)
     mostly_open, openings, leaves, clear = rng.uniform(0.35, 0.9), [], [], []
     for i, floor in enumerate(sketch.floors):
@@ -137,6 +137,7 @@ def _doors(rng, sketch: Sketch):
                         long[rng.integers(len(long))],
                         width_m,
                         reach_m,
+                        (polygons[j], np.delete(polygons, j)),
                         rng.random() < mostly_open,
                         openings,
                         leaves,
@@ -157,7 +158,7 @@ def _segments_facing(polygon, other, reach_m: float) -> list[np.ndarray]:
     return pieces
 
 
-def _hang_door(rng, ends, width_m, reach_m, is_open, openings, leaves, clear) -> None:
+def _hang_door(rng, ends, width_m, reach_m, floors, is_open, openings, leaves, clear) -> None:
     along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
     angle = np.arctan2(along[1], along[0])
     outward = np.array([-along[1], along[0]])
@@ -169,7 +170,14 @@ def _hang_door(rng, ends, width_m, reach_m, is_open, openings, leaves, clear) ->
     clear.append(box(middle + outward * reach_m / 2, angle, width_m, reach_m + 1.4))
     leaf_m = 0.04
     if not is_open:
-        leaves.append(box(middle + outward * rng.uniform(0.05, max(0.06, reach_m - 0.1)), angle, width_m + 0.02, leaf_m))
+        # The wall is as thick as the nearest other floor is away. Where a passage runs into a floor there is none.
+        here, others = floors
+        half = along * (width_m / 2 + 0.01)
+        sill = shapely.LineString([middle - half, middle + half])
+        wall_m = shapely.distance(others, sill).min()
+        leaf = box(middle + outward * rng.uniform(leaf_m / 2, max(leaf_m, wall_m) - leaf_m / 2), angle, width_m + 0.02, leaf_m)
+        if wall_m >= leaf_m and not here.intersects(leaf.buffer(-SNAP_M)):
+            leaves.append(leaf)
     elif rng.random() < 0.65:
         hinge_end = rng.choice([-1, 1])
         hinge = middle + hinge_end * along * (width_m / 2 - leaf_m / 2)
@@ -183,8 +191,8 @@ def _windows(rng, sketch: Sketch, space, walls):
     share = rng.choice([0.0, rng.uniform(0.02, 0.15), rng.uniform(0.2, 0.6)], p=[0.5, 0.35, 0.15])
     if share == 0:
         return [], walls
-    corners = shapely.get_coordinates(parts(space)[0].exterior)
-    starts, steps = corners[:-1], np.diff(corners, axis=0)
+    outlines = [shapely.get_coordinates(part.exterior) for part in parts(space)]
+    starts, steps = (np.concatenate(ends) for ends in ([o[:-1] for o in outlines], [np.diff(o, axis=0) for o in outlines]))
     lengths = np.linalg.norm(steps, axis=1)
     chosen = (lengths > 1.5) & (rng.random(len(lengths)) < share)
     if not chosen.any():

@@ -107,14 +107,22 @@ def draw_lots(rng, line: Line, character: str, car_parks: np.ndarray) -> list[Lo
         s, t = line.at(x + np.array([0, 0.5, 1]) * width, line.pavement_m + 3)
         over = [(s.max() > s0 - 1) & (s.min() < s1 + 1) & (t.max() > t0) & (t.min() < t1) for s0, t0, s1, t1 in car_parks]
         if not any(over):
-            drive = (
-                rng.uniform(1.8, max(width - 1.8, 1.9)) if style in ("detached", "works") and rng.random() < 0.75 and width > 6 else None
-            )
+            drive = _draw_drive(rng, str(style), width) if rng.random() < 0.75 else None
             lots.append(Lot(line, x, width, str(style), drive))
             if style == "terrace" and rng.random() < 0.12:
                 x += rng.uniform(2.5, 6.0)  # a passage between houses
         x += width
     return lots
+
+
+def _draw_drive(rng, style: str, width_m: float) -> float | None:
+    """Where a drive leads into a lot: beside a house, anywhere to works."""
+    if style == "works":
+        return rng.uniform(1.8, width_m - 1.8)
+    if style != "detached":
+        return None
+    from_side = rng.uniform(1.8, 0.3 * width_m)
+    return from_side if rng.random() < 0.5 else width_m - from_side
 
 
 def ribbon(line: Line, x0: float, x1: float, y0: float, y1: float) -> shapely.Polygon:

@@ -22,7 +22,7 @@ from hilbertvae.simulate.vehicles import draw_vehicle
 
 
 def park(rng, scene: Scene, line: Line) -> None:
-    """Vehicles along a kerb, not before drives."""
+    """Vehicles along a kerb, not before drives or entrances, and where poles leave room."""
     if line.parking == "none":
         return
     blocked = [lot.x_m + lot.drive_m for lot in scene.plan.lots if lot.line is line and lot.drive_m is not None]
@@ -31,15 +31,16 @@ def park(rng, scene: Scene, line: Line) -> None:
     ways = rng.random()
     while x < line.length_m - 5:
         vehicle, length, width = draw_vehicle(rng)
+        fits = True
         if line.parking == "across":
-            length, width = (5.0, width) if length > 5 else (length, width)
+            fits = length < 5.2  # a longer one would stand in the lane
             room = width + rng.uniform(0.7, 1.1)
             middle, y, turn = x + room / 2, -2.5, rng.choice([slant, slant + np.pi])
         else:
             room = length + rng.uniform(0.5, 1.6)
             y = -width / 2 - rng.uniform(0.1, 0.3) if line.parking == "along" else rng.uniform(0.0, 0.5) + width / 2 + 0.05
             middle, turn = x + room / 2, (np.pi if rng.random() < ways else 0.0)
-        clear = not any(abs(middle - drive) < room / 2 + 1.6 for drive in blocked)
+        clear = fits and x + room < line.length_m and not any(abs(middle - drive) < room / 2 + 1.6 for drive in blocked)
         roomy = line.parking != "on kerb" or line.pavement_m > width + 0.6
         if clear and roomy and rng.random() < line.fullness:
             scene.add("vehicle", vehicle, line, middle, y + rng.normal(0, 0.06), turn + rng.normal(0, 0.02), draped=True)
@@ -57,7 +58,9 @@ def line_pavement(rng, scene: Scene, line: Line, tree_gap: float) -> None:
         for x in np.arange(rng.uniform(0, min(gap, 60)), line.length_m, gap):
             x = x + rng.normal(0, jitter)
             if clear(x):
-                scene.add(kind, draw(rng), line, x, y, turn)
+                soup = draw(rng)
+                beside = np.abs(soup.triangles[..., 1]).max() if kind == "sign" else 0.0  # wide boards stand beside the road, not over it
+                scene.add(kind, soup, line, x, max(y, beside), turn)
 
     near, back = rng.uniform(0.3, 0.6), line.pavement_m - 0.3
     pole_y = near if rng.random() < 0.8 else back

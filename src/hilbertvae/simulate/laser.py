@@ -127,7 +127,8 @@ def sense(
     ranges = np.where(at_glass & (fate < settings.glass_return_share), to_glass, ranges)
     passes = settings.glass_return_share + settings.glass_pass_share
     ranges = np.where(at_glass & (fate >= passes), np.inf, ranges)
-    ranges = np.column_stack([ranges[:, :1], mixed_at_edges(rng, ranges[:, 1:], ranges[:, :-1], settings.edge_mix_share, MIXED_M)])
+    in_turn = np.pad(ranges.T, ((2, 1), (0, 0)), constant_values=np.nan)
+    ranges = mixed_at_edges(rng, in_turn, settings.edge_mix_share, MIXED_M).T
     ranges = ranges + rng.normal(0.0, 1.0, sweeps) * settings.range_noise_m
     if settings.range_step_m > 0:
         ranges = np.round(ranges / settings.range_step_m) * settings.range_step_m
@@ -135,13 +136,30 @@ def sense(
     return np.where(lost | ~(ranges < settings.max_range_m) | (ranges <= 0.02), np.nan, ranges)
 
 
-def mixed_at_edges(rng: np.random.Generator, ranges: np.ndarray, before: np.ndarray, share: float, deepest_m: float) -> np.ndarray:
-    """`ranges`, a `share` of those at an edge to their neighbours `before` somewhere in between; both of one shape, metres.
+def mixed_at_edges(rng: np.random.Generator, in_turn: np.ndarray, share: float, deepest_m: float) -> np.ndarray:
+    """(B, ...) metres: ranges, a `share` of those at an edge to the beam before somewhere in between.
 
+    `in_turn` (2 + B + 1, ...): beams in turn and, around them, the last two and the first of their neighbours, NaN for none.
     A beam is a cone: beside an edge part of it goes on, and some sensors answer with a range in between. Over gaps from
     `deepest_m` on the two echoes are told apart.
     """
-    with np.errstate(invalid="ignore"):
+    before, ranges = in_turn[1:-2], in_turn[2:-1]
+    with np.errstate(invalid="ignore", divide="ignore"):
         jump = np.abs(ranges - before)
-    mixes = (jump > 0.1) & (jump < deepest_m) & (rng.random(jump.shape) < share)
+        edge = (jump > 0.1) & (jump < deepest_m) & ~_joined(1 / np.where(np.isfinite(in_turn), in_turn, np.nan))
+    mixes = edge & (rng.random(jump.shape) < share)
     return np.where(mixes, np.minimum(ranges, before) + rng.random(jump.shape) * np.where(mixes, jump, 0.0), ranges)
+
+
+def _joined(nearness: np.ndarray) -> np.ndarray:
+    """(B, ...) bool: beams whose surface goes on to the beam before; `nearness` (2 + B + 1, ...), 1 / m.
+
+    Along a straight wall 1 / range is all but linear in the angle, however slanted the wall is. So two beams are on one
+    surface where either side, extrapolated, comes within 0.1 m of the other's return, or where both meet in between, at
+    a corner. A side of a single beam tells nothing.
+    """
+    before, here = nearness[1:-2], nearness[2:-1]
+    from_before, from_here = 2 * before - nearness[:-3], 2 * here - nearness[3:]
+    meets = np.abs(from_before - here) < 0.1 * from_before * here
+    met = np.abs(from_here - before) < 0.1 * from_here * before
+    return meets | met | ((from_before - here) * (before - from_here) < 0)

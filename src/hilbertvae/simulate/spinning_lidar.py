@@ -165,7 +165,8 @@ def sense_turn(
     ranges = np.full(hidden.size, np.inf)
     ranges[open_beams] = _answered(rng, lidar, echo)
     ranges = ranges.reshape(shape)
-    ranges = mixed_at_edges(rng, ranges, np.roll(ranges, 1, axis=0), lidar.edge_mix_share, MIXED_M)  # along each laser's turn
+    in_turn = np.pad(ranges, ((2, 1), (0, 0)), mode="wrap")  # along each laser's turn
+    ranges = mixed_at_edges(rng, in_turn, lidar.edge_mix_share, MIXED_M)
     ranges = ranges + rng.normal(0, 1, shape) * lidar.range_noise_m + laser_bias_m
     lost = rng.random(shape) < lidar.miss_share
     return np.where(lost | ~(ranges < lidar.max_range_m) | (ranges <= lidar.nearest_m), np.nan, ranges)

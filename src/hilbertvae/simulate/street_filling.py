@@ -22,8 +22,8 @@ def fill(rng: np.random.Generator, plan: StreetPlan, drive_m: float) -> Scene:
         LOT_BUILDERS[lot.style](rng, scene, lot)
     tree_gap = rng.uniform(7, 16) if rng.random() < 0.45 else np.inf
     for line in plan.lines:
-        park(rng, scene, line)
         line_pavement(rng, scene, line, tree_gap)
+        park(rng, scene, line)
     for car_park in plan.car_parks:
         _fill_car_park(rng, scene, car_park)
     if plan.island:
@@ -46,9 +46,7 @@ def _fill_car_park(rng, scene: Scene, box: np.ndarray) -> None:
                 car, length, _ = draw_vehicle(rng)
                 if length < 5.5:
                     angle = rng.choice([-1, 1]) * np.pi / 2 + rng.normal(0, 0.03)
-                    scene.things.append(
-                        Thing("vehicle", car, float(s + rng.normal(0, 0.1)), float(row + rng.normal(0, 0.2)), float(angle), True)
-                    )
+                    scene.put(Thing("vehicle", car, float(s + rng.normal(0, 0.1)), float(row + rng.normal(0, 0.2)), float(angle), True))
     line = Line((s0, t1), 0.0, s1 - s0, 0.0) if t1 > 0 else Line((s1, t0), np.pi, s1 - s0, 0.0)
     enclose(rng, scene, line, 0, line.length_m, 0.3, [])
     plant(rng, scene, line, (0, line.length_m), (1.5, 6.0), rng.poisson(6), 0.5)
@@ -83,8 +81,9 @@ def add_traffic(rng: np.random.Generator, scene: Scene, step_m: float, lane_s: n
     plan = scene.plan
     if plan.island:
         return
+    places = np.arange(-45, lane_s[-1] + 65, 11.0)
     for lane, way in ((plan.lane_t, 1), (plan.other_t, -1)):
-        for s in rng.choice(np.arange(-45, 65, 11.0), min(rng.poisson(1.2), 5), replace=False) + rng.uniform(-1, 1):
+        for s in rng.choice(places, min(rng.poisson(0.12 * len(places)), len(places) // 2), replace=False) + rng.uniform(-1, 1):
             vehicle, length, _ = draw_vehicle(rng)
             step = step_m * rng.uniform(0.6, 1.4) * way if way < 0 else step_m * rng.uniform(0.9, 1.1)
             gap = s + np.arange(len(lane_s)) * step - lane_s

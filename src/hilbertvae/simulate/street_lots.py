@@ -32,6 +32,8 @@ def _detached(rng, scene: Scene, lot: Lot) -> None:
     set_back = rng.uniform(1.5, 7.0)
     house_m = lot.width_m * rng.uniform(0.5, 0.75)
     on_left = lot.drive_m is not None and lot.drive_m < lot.width_m / 2
+    if lot.drive_m is not None:  # a car's way beside the house, to the garage
+        house_m = min(house_m, (lot.width_m - lot.drive_m if on_left else lot.drive_m) - 2.3)
     x = lot.x_m + (lot.width_m - house_m - 0.5 if on_left else 0.5)
     tilt = rng.choice([0.0, rng.normal(0, 0.15)])
     roof = str(rng.choice(["eaves", "gable"]))
@@ -43,9 +45,8 @@ def _detached(rng, scene: Scene, lot: Lot) -> None:
             scene.add("garage", draw_garage(rng), line, lot.x_m + lot.drive_m - 1.5, y0 + set_back + rng.uniform(-0.5, 3.5))
         if rng.random() < 0.5:
             car, length, _ = draw_vehicle(rng, rng.choice(["hatchback", "saloon", "estate", "suv", "small"]))
-            if set_back + 2 > length:
-                way = rng.choice([-1, 1]) * np.pi / 2 + rng.normal(0, 0.05)
-                scene.add("vehicle", car, line, lot.x_m + lot.drive_m, y0 + 0.6 + length / 2, way, draped=True)
+            way = rng.choice([-1, 1]) * np.pi / 2 + rng.normal(0, 0.05)
+            scene.add("vehicle", car, line, lot.x_m + lot.drive_m, y0 + 0.6 + length / 2, way, draped=True)
     if rng.random() < 0.6:
         door = rng.uniform(0.3, 0.9) * lot.width_m
         gate.append((door - 0.6, door + 0.6))

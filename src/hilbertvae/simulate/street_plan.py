@@ -16,13 +16,16 @@ from hilbertvae.simulate.terrain import StreetGround, strips
 
 BEYOND_M = 85.0
 """How far the street goes on before and after the drive, and side streets to the side: about as far as lidars see."""
+ENTRANCE_M = 6.0
+CORNER_M = 8.0
+"""Of land beside a side street, or there is none."""
 
 
 @dataclass(frozen=True)
 class StreetPlan:
     """lane_t: of the lane that is driven, towards +s; other_t: of the oncoming one. extent, car_parks: boxes (s0, t0, s1, t1).
 
-    island: s and radius in an open place of radius `ring_m`, or None.
+    island: s and radius in an open place of radius `ring_m`, or None. kept_free: before the car parks' entrances, where nobody parks.
     """
 
     character: str
@@ -36,6 +39,7 @@ class StreetPlan:
     island: tuple[float, float] | None
     ring_m: float
     car_parks: np.ndarray
+    kept_free: shapely.Geometry
 
 
 def draw_street_plan(rng: np.random.Generator, character: str, drive_m: float, beyond_m: float = BEYOND_M) -> StreetPlan:
@@ -51,7 +55,7 @@ def draw_street_plan(rng: np.random.Generator, character: str, drive_m: float, b
     widths = [lane + {"along": 2.1, "across": 4.9}.get(mode, 0.2) for mode in modes]  # right, left
     pavements = rng.uniform(1.0, 2.8, 2) + rng.uniform(0, 1, 2) * {"town": 2.5, "avenue": 7.0}.get(character, 0.0)
     driven = rng.choice([-1, 1], p=[0.75, 0.25])  # some countries drive on the left
-    mouths, side_streets = _side_streets(rng, drive_m)
+    mouths, side_streets = _side_streets(rng, drive_m, low, high)
     boxes = [(low, -widths[0], high, widths[1])]
     for s, side, half in side_streets:
         boxes.append((s - half, 0 if side > 0 else -beyond_m, s + half, beyond_m if side > 0 else 0))
@@ -77,11 +81,13 @@ def draw_street_plan(rng: np.random.Generator, character: str, drive_m: float, b
     ground = _draw_ground(rng, character, road, widths, pavements, lots)
     lane_t = driven * lane * (rng.choice([0.27, 0.75]) if wide else 0.5)
     grass = _grass(rng, road, lines, lots, island)
-    return StreetPlan(character, ground, grass, extent, lines, lots, lane_t, -driven * lane * 0.5, island, ring, car_parks)
+    before = [(s0 + 3, *sorted((0.0, t0 if t1 > 0 else t1))) for s0, t0, _, t1 in car_parks]
+    kept_free = strips([(s, t0, s + ENTRANCE_M, t1) for s, t0, t1 in before])
+    return StreetPlan(character, ground, grass, extent, lines, lots, lane_t, -driven * lane * 0.5, island, ring, car_parks, kept_free)
 
 
-def _side_streets(rng, drive_m: float):
-    """Mouths by side (right, left) as intervals of s, and streets as (s, side, half width)."""
+def _side_streets(rng, drive_m: float, low: float, high: float):
+    """Mouths by side (right, left) as intervals of s, and streets as (s, side, half width): those whose corners have land."""
     streets = []
     if rng.random() < 0.5:
         s, half = rng.uniform(-25, drive_m + 30), rng.uniform(2.6, 4.5)
@@ -89,6 +95,7 @@ def _side_streets(rng, drive_m: float):
             streets.append((s, int(side), half))
     if rng.random() < 0.3:
         streets.append((rng.uniform(drive_m + 38, drive_m + 60), int(rng.choice([-1, 1])), rng.uniform(2.6, 4.0)))
+    streets = [(s, side, half) for s, side, half in streets if low + half + CORNER_M < s < high - half - CORNER_M]
     mouths = [[(s - half, s + half) for s, side, half in streets if side == wanted] for wanted in (-1, 1)]
     return mouths, streets
 
@@ -106,7 +113,7 @@ def _car_parks(rng, character: str, widths, pavements, mouths) -> np.ndarray:
 
 
 def _entrances(car_parks: np.ndarray):
-    return [(s0 + 3, *((0, s0 + 9, t1) if t1 > 0 else (t0, s0 + 9, 0))) for s0, t0, s1, t1 in car_parks]
+    return [(s0 + 3, min(t0, 0), s0 + 3 + ENTRANCE_M, max(t1, 0)) for s0, t0, _, t1 in car_parks]
 
 
 def _rounded(road: shapely.Geometry) -> shapely.Geometry:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hilbertvae.simulate.kerb_lines import Line
+from hilbertvae.simulate.land import Land, footprint
 from hilbertvae.simulate.soup import Soup, joined
 from hilbertvae.simulate.street_plan import StreetPlan
 from hilbertvae.simulate.terrain import StreetGround, ground_soup
@@ -60,10 +61,18 @@ class Scene:
     things: list[Thing] = field(default_factory=list)
     movers: list[Mover] = field(default_factory=list)
 
+    def __post_init__(self):
+        self._land = Land(self.plan.ground.road, self.plan.kept_free)
+
     def add(self, kind: str, soup: Soup, line: Line, x: float, y: float, turn_rad: float = 0.0, draped: bool = False) -> None:
-        """A thing at (x, y) of a line; its own x runs along the line, its y away from the road."""
+        """A thing at (x, y) of a line, unless something stands there; its own x runs along the line, its y away from the road."""
         s, t = line.at(x, y)
-        self.things.append(Thing(kind, soup, float(s), float(t), line.angle_rad + turn_rad, draped))
+        self.put(Thing(kind, soup, float(s), float(t), line.angle_rad + turn_rad, draped))
+
+    def put(self, thing: Thing) -> None:
+        """A thing where it says, unless something stands there."""
+        if self._land.take(thing.kind, footprint(thing.kind, thing.soup, (thing.s, thing.t), thing.angle_rad)):
+            self.things.append(thing)
 
     def leaf_m(self, line: Line, x: float, y: float) -> float:
         """Facets grow with the distance from the drive: a far crown needs fewer of them to look the same."""
