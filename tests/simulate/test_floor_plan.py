@@ -45,6 +45,22 @@ def test_every_part_of_a_building_has_windows(monkeypatch):
     assert (glazed > 0).all(axis=1).sum() >= 4
 
 
+def test_windows_are_in_outer_walls(monkeypatch):
+    def two_rooms(rng, sketch, extent_m):
+        sketch.add(shapely.box(0, 0, 8, 8), "hall")
+        sketch.add(shapely.box(8.2, 0, 16, 8), "hall")
+
+    monkeypatch.setitem(LAYOUTS, "two rooms", two_rooms)
+    monkeypatch.setattr(floor_plan, "_distort", lambda *_: None)
+    panes = 0
+    for seed in range(30):
+        plan = draw_floor_plan(np.random.default_rng(seed), 15.0, "two rooms")
+        between = shapely.convex_hull(shapely.union_all([floor.polygon for floor in plan.floors])).buffer(-0.3)
+        panes += len(plan.glass)
+        assert not shapely.intersects(between, plan.glass).any()
+    assert panes > 30
+
+
 @pytest.mark.parametrize("style", LAYOUTS)
 def test_shut_doors_stay_within_their_wall(style, monkeypatch):
     really = floor_plan._hang_door
