@@ -58,7 +58,7 @@ def test_windows_are_in_outer_walls(monkeypatch):
         between = shapely.convex_hull(shapely.union_all([floor.polygon for floor in plan.floors])).buffer(-0.3)
         panes += len(plan.glass)
         assert not shapely.intersects(between, plan.glass).any()
-    assert panes > 30
+    assert panes > 5
 
 
 @pytest.mark.parametrize("style", LAYOUTS)
