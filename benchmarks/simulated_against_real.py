@@ -127,7 +127,7 @@ def main() -> None:
     arguments = parser.parse_args()
 
     real, simulated = {}, {}
-    for name in (name for name, entry in CATALOGUE.items() if entry.role in ("train", "validate")):
+    for name in (name for name, entry in CATALOGUE.items() if entry.dimension == 2 and entry.role in ("train", "validate")):
         try:
             real[name] = read_site(name)
         except InputError as error:
