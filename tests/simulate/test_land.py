@@ -59,6 +59,7 @@ def test_only_what_goes_there_stands_on_the_road(land, kind, stands):
 def test_nobody_parks_before_an_entrance(land):
     assert not land.take("vehicle", square(6, 4))
     assert land.take("bush", square(6, 6))
+    assert not land.take("bush", square(0, 2))
 
 
 @pytest.mark.parametrize("kind", ["house", "vehicle", "tree", "lamp post"])
@@ -67,6 +68,24 @@ def test_land_is_taken_once(land, kind):
     assert not land.take(kind, square(1, 11))
     assert not land.take(kind, square(0, 10, 0.1)), "nothing within anything"
     assert land.take(kind, square(2, 10)), "neighbours touch"
+
+
+@pytest.mark.parametrize("kind", ["house", "garage", "shelter"])
+@pytest.mark.parametrize("barrier", ["hedge", "wall", "fence", "rail"])
+def test_barriers_go_through_nothing_built(land, kind, barrier):
+    assert land.take(kind, square(0, 20, 8))
+    assert not land.take(barrier, shapely.box(-9, 19.8, 9, 20.2))
+
+
+def test_bushes_grow_beside_cars(land):
+    assert land.take("vehicle", square(0, 10))
+    assert not land.take("bush", square(0.3, 10.3, 0.5))
+    assert land.take("bush", square(0, 11.9))
+
+
+def test_asking_takes_nothing(land):
+    assert land.free("person", square(0, 10)) and land.take("vehicle", square(0, 10))
+    assert not land.free("person", square(0, 10))
 
 
 def test_hedges_grow_around_cars_and_through_no_house(land):

@@ -147,6 +147,31 @@ def test_slanted_walls_and_corners_are_no_edges(beams):
     np.testing.assert_array_equal(found, truth)
 
 
+def test_empty_rooms_have_no_edges():
+    """Rooms of any shape from any place: corners between two beams, walls that a single beam meets before the next one."""
+    rng, glass = np.random.default_rng(0), RayCaster(*extrude(np.empty((0, 2, 2))))
+    settings = LaserSettings(**{**vars(EXACT), "beams": 360, "max_range_m": 60.0})
+    jumps = 0
+    for _ in range(30):
+        ends = rng.uniform(0.3, 20.0, 4)
+        solid = RayCaster(*extrude(edges([shapely.box(-ends[0], -ends[1], ends[2], ends[3])])))
+        origins, directions = fan([0, 0], settings)
+        turn = rng.uniform(0, 2 * np.pi)
+        directions = (
+            directions
+            @ np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])[
+                : directions.shape[-1], : directions.shape[-1]
+            ]
+        )
+        truth = sense(np.random.default_rng(0), settings, solid, glass, origins, directions)
+        found = sense(
+            np.random.default_rng(0), LaserSettings(**{**vars(settings), "edge_mix_share": 1.0}), solid, glass, origins, directions
+        )
+        jumps += (np.abs(np.diff(truth)) > 0.1).sum()
+        np.testing.assert_array_equal(found[:, 2:-2], truth[:, 2:-2])  # a fan's ends have no two beams beyond a corner
+    assert jumps > 500
+
+
 @pytest.mark.parametrize(
     ("seen", "mixes"),
     [

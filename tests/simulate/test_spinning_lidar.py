@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hilbertvae.checks import InputError
+from hilbertvae.simulate.laser import mixed_at_edges
 from hilbertvae.simulate.soup import Surface, boxes_3d, joined, quads
 from hilbertvae.simulate.spinning_lidar import SENSORS, hidden_by_car, rays, sense_turn
 
@@ -88,6 +89,31 @@ def test_beams_at_small_edges_mix_both_depths():
     assert edge.sum() > 1000 and ((jump > 0.1) & ~edge).sum() > 1000 and not (mixed & ~edge).any()
     assert mixed[edge].mean() == pytest.approx(0.3, abs=0.05)
     assert ((found > np.minimum(truth, before)) & (found < np.maximum(truth, before)))[mixed].all()
+
+
+@pytest.mark.parametrize("first_deeper", [False, True])
+def test_edges_mix_where_a_turn_ends_as_anywhere(first_deeper):
+    """Half of the bearings at 5 m and half at 5.5 m: the turn begins at one of the two edges."""
+    ranges = np.full((60, 400), 5.0)
+    ranges[:30] += 0.5 * first_deeper
+    ranges[30:] += 0.5 * (not first_deeper)
+    found = mixed_at_edges(np.random.default_rng(0), np.pad(ranges, ((2, 1), (0, 0)), mode="wrap"), 1.0, 1.0)
+    assert (
+        np.flatnonzero((found != ranges).all(axis=1)).tolist() == [0, 30]
+        and np.isin(np.flatnonzero((found != ranges).any(axis=1)), [0, 30]).all()
+    )
+
+
+def test_a_pole_where_a_turn_ends_mixes_as_one_elsewhere():
+    """A thin board before a wall, at the bearing at which the turn begins, and opposite."""
+    lidar = replace(EXACT, azimuths=400, edge_mix_share=1.0)
+    board = boxes_3d([[9.5, 0.1, -20], [-9.5, 0.1, -20]], [0.02, 1.0, 40], surface=Surface.CLOTH)
+    room = boxes_3d([0, 0, -20], [20, 20, 40], surface=Surface.CLOTH)
+    scene = joined([board, room])
+    truth, found = one_turn(replace(lidar, edge_mix_share=0.0), scene), one_turn(lidar, scene)
+    with np.errstate(invalid="ignore"):
+        mixed = (np.abs(found - truth) > 1e-6).any(axis=1)
+    assert mixed[-12:].sum() + mixed[:12].sum() == mixed[188:212].sum() > 0
 
 
 def test_posts_hide_whole_bearings_and_at_most_so_many():

@@ -109,7 +109,7 @@ def test_what_moves_is_further_on_in_the_next_scan(sim):
 
     flat = SimpleNamespace(place=lambda s, t: np.array([s, t, 0.0]), heading=lambda s: 0.0)
     mover = Mover(Thing("vehicle", boxes_3d([0, 0, -20], [2, 40, 40], surface=Surface.CLOTH), 10.0, 0.0), 1.5)
-    scene = SimpleNamespace(plan=SimpleNamespace(ground=flat), movers=[mover], soup=lambda: joined([]))
+    scene = SimpleNamespace(plan=SimpleNamespace(ground=flat, extent=(-50, -50, 50, 50)), movers=[mover], soup=lambda: joined([]))
     exact = StreetSettings(pose_noise_m=0.0, heading_noise_deg=0.0)
     lidar = replace(SENSORS["os1"], azimuths=90, range_noise_m=0.0, laser_bias_m=0.0, miss_share=0.0, edge_mix_share=0.0)
     scans = street.scan_scene(np.random.default_rng(0), scene, np.tile(np.eye(4), (3, 1, 1)), lidar, exact)

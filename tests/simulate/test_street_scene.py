@@ -1,5 +1,6 @@
 """Streets as geometry: what stands where."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,12 +11,15 @@ from hilbertvae.simulate.soup import Surface
 pytest.importorskip("embreex")
 shapely = pytest.importorskip("shapely")
 
-from hilbertvae.simulate.land import footprint  # noqa: E402
-from hilbertvae.simulate.street import CHARACTERS, draw_poses  # noqa: E402
+from hilbertvae.simulate.land import shrunk  # noqa: E402
+from hilbertvae.simulate.spinning_lidar import SENSORS  # noqa: E402
+from hilbertvae.simulate.street import CHARACTERS, StreetSettings, draw_poses, scan_scene  # noqa: E402
 from hilbertvae.simulate.street_filling import add_traffic, fill  # noqa: E402
 from hilbertvae.simulate.street_plan import draw_street_plan  # noqa: E402
+from hilbertvae.simulate.street_scene import Mover, Scene, Thing  # noqa: E402
 from hilbertvae.simulate.surfaces import SurfaceCaster  # noqa: E402
 from hilbertvae.simulate.terrain import ground_soup  # noqa: E402
+from hilbertvae.simulate.vehicles import draw_vehicle  # noqa: E402
 
 DRIVE_M, BEYOND_M = 10.0, 40.0
 
@@ -107,14 +111,62 @@ def test_traffic_keeps_off_the_car_that_carries_the_sensor():
     assert met > 30
 
 
-def test_traffic_meets_a_long_drive_all_along():
-    lane_s, towards = 2.0 * np.arange(60), []
-    for seed in range(30):
+def test_traffic_is_the_same_all_along_a_drive():
+    """As many oncoming vehicles lie ahead at its end as at its beginning, and none drives through another."""
+    lane_s, ahead = 2.0 * np.arange(40), np.zeros(2)
+    for seed in range(40):
         traffic = SimpleNamespace(plan=SimpleNamespace(island=None, lane_t=1.75, other_t=-1.75), movers=[])
         add_traffic(np.random.default_rng(seed), traffic, 2.0, lane_s)
-        towards += [mover.thing.s for mover in traffic.movers if mover.thing.kind == "vehicle" and mover.thing.angle_rad]
-    assert min(towards) < 0 and max(towards) > lane_s[-1] + 40
-    assert len(towards) / 30 == pytest.approx(0.12 * 21, rel=0.3)
+        vehicles = [mover for mover in traffic.movers if mover.thing.kind == "vehicle"]
+        for number, k in enumerate((0, len(lane_s) - 1)):
+            now = [mover.at_scan(k) for mover in vehicles]
+            ahead[number] += sum(0 < thing.s - lane_s[k] < 60 for thing in now if thing.angle_rad)
+            inner = np.array([shrunk(thing.footprint()) for thing in now], dtype=object)
+            pairs = shapely.STRtree(inner).query(inner, predicate="intersects").T
+            assert all(a == b for a, b in pairs), (seed, k)
+    assert ahead / 40 == pytest.approx(0.12 * 60 / 11, rel=0.4)
+
+
+def test_what_is_beyond_the_land_is_not_seen():
+    """Oncoming traffic starts there, where it would hang in the air."""
+    plan = draw_street_plan(np.random.default_rng(7), "residential", DRIVE_M, BEYOND_M)
+    scene = Scene(plan, DRIVE_M)
+    pose = np.eye(4)[None].repeat(2, axis=0)
+    pose[:, :3, 3] = plan.ground.place(np.array([0.0, 0.0]), np.array([plan.lane_t] * 2), 1.73)
+    car = draw_vehicle(np.random.default_rng(0))[0]
+    lidar = replace(SENSORS["hdl64"], azimuths=300, range_noise_m=0.0)
+    counts = []
+    for s in (plan.extent[2] + 1.0, 8.0):
+        scene.movers = [Mover(Thing("vehicle", car, s, plan.lane_t), 0.0)]
+        scans = scan_scene(np.random.default_rng(1), scene, pose, lidar, StreetSettings(pose_noise_m=0.0, heading_noise_deg=0.0))
+        counts.append(len(scans))
+    scene.movers = []
+    counts.append(len(scan_scene(np.random.default_rng(1), scene, pose, lidar, StreetSettings(pose_noise_m=0.0, heading_noise_deg=0.0))))
+    assert counts[0] == counts[2] != counts[1]
+
+
+def test_kerbs_end_at_side_streets_and_side_streets_have_corners():
+    found = 0
+    for seed in range(120):
+        plan = draw_street_plan(np.random.default_rng([8, seed]), "town", DRIVE_M, BEYOND_M)
+        low, _, high, _ = plan.extent
+        if not plan.island:  # an open place cuts kerbs, too
+            for s in [line.start[0] for line in plan.lines if not line.main]:
+                assert low + 5 < s < high - 5
+                found += 1
+        if seed < 12:
+            scene = fill(np.random.default_rng([9, seed]), plan, DRIVE_M)
+            for line in [line for line in plan.lines if line.parking in ("along", "on kerb")]:
+                for thing in scene.things:
+                    x = np.cos(line.angle_rad) * (thing.s - line.start[0]) + np.sin(line.angle_rad) * (thing.t - line.start[1])
+                    y = -np.sin(line.angle_rad) * (thing.s - line.start[0]) + np.cos(line.angle_rad) * (thing.t - line.start[1])
+                    if (
+                        thing.kind == "vehicle"
+                        and -1.4 < y < 2.0
+                        and line.length_m < x + np.ptp(thing.soup.triangles[..., 0]) / 2 < line.length_m + 3
+                    ):
+                        raise AssertionError((seed, thing.s, thing.t))
+    assert found > 20
 
 
 def test_wide_signs_stand_beside_the_road_and_not_over_it(streets):
@@ -147,10 +199,6 @@ def test_streets_hold_what_streets_hold():
     assert surfaces >= {int(kind) for kind in Surface}
 
 
-def base(thing):
-    return footprint(thing.kind, thing.soup, (thing.s, thing.t), thing.angle_rad)
-
-
 @pytest.fixture(scope="module")
 def streets():
     """Two of each character with all that a plan may have; the first of each has a car park."""
@@ -169,14 +217,14 @@ def test_only_what_drives_stands_on_the_carriageway(streets):
         road = shapely.buffer(scene.plan.ground.road, -0.2)
         for thing in scene.things:
             if thing.kind not in ("vehicle", "person", "grass"):
-                assert not shapely.intersects(road, base(thing)), (thing.kind, thing.s, thing.t)
+                assert not shapely.intersects(road, thing.footprint()), (thing.kind, thing.s, thing.t)
 
 
 def test_nothing_stands_in_anything_else(streets):
     """Houses, cars, poles and trunks: by 0.3 m, as a house's tilt or a hedge's leaves may touch."""
     for scene in streets:
-        solid = [thing for thing in scene.things if thing.kind not in ("hedge", "wall", "fence", "rail", "bush", "grass", "person")]
-        inner = shapely.buffer([base(thing) for thing in solid], -0.15)
+        solid = [thing for thing in scene.things if thing.kind not in ("hedge", "wall", "fence", "rail", "bush", "grass")]
+        inner = [shrunk(thing.footprint()) for thing in solid]
         pairs = shapely.STRtree(inner).query(inner, predicate="intersects").T
         assert not [(solid[a].kind, solid[b].kind) for a, b in pairs if a < b]
 
@@ -187,19 +235,29 @@ def test_entrances_of_car_parks_are_kept_free(streets):
         for s0, t0, s1, t1 in scene.plan.car_parks:
             edge = min(abs(t0), abs(t1)) * np.sign(t0 + t1)
             entrance = shapely.box(s0 + 3.3, min(0.5 * edge, edge), s0 + 8.7, max(0.5 * edge, edge))
-            assert not any(shapely.intersects(entrance, base(thing)) for thing in scene.things if thing.kind not in ("grass", "person"))
+            assert not any(
+                shapely.intersects(entrance, thing.footprint()) for thing in scene.things if thing.kind not in ("grass", "person")
+            )
             found += 1
             assert s1 - s0 >= 20
     assert found == len(CHARACTERS)
 
 
-def test_nothing_parked_reaches_into_the_driven_lane():
-    """Lorries among cars that are parked across: a bay is five metres deep."""
-    for seed in range(40):
-        plan = draw_street_plan(np.random.default_rng([5, seed]), "residential", DRIVE_M)
-        across = [line for line in plan.lines if line.parking == "across"]
-        scene = fill(np.random.default_rng(6), plan, DRIVE_M) if across else None
-        for thing in scene.things if scene else []:
-            if thing.kind == "vehicle":
-                _, low, _, high = shapely.bounds(base(thing))
-                assert low > plan.lane_t + 0.95 or high < plan.lane_t - 0.95, seed
+@pytest.mark.parametrize("parking", ["along", "across"])
+def test_what_drives_passes_what_is_parked(parking):
+    """The sensor's car, cyclists and other vehicles, beside lorries among parked cars, too: bays are 2.1 and 5 metres deep."""
+    plans = (draw_street_plan(np.random.default_rng([5, seed]), "residential", 40.0) for seed in range(60))
+    met = 0
+    for plan in [plan for plan in plans if any(line.parking == parking for line in plan.lines) and not plan.island][:8]:
+        scene = fill(np.random.default_rng(6), plan, 40.0)
+        parked = [shrunk(thing.footprint()) for thing in scene.things if thing.kind == "vehicle"]
+        for mover in scene.movers:
+            assert mover.thing.kind == "person"
+        scene.movers.clear()
+        for seed in range(6):
+            add_traffic(np.random.default_rng(seed), scene, 2.0, np.arange(0, 40.0, 2.0))
+        ways = [shapely.box(-5, plan.lane_t - 0.95, 45, plan.lane_t + 0.95)]
+        ways += [shapely.convex_hull(shapely.union_all([shrunk(mover.at_scan(k).footprint()) for k in (0, 20)])) for mover in scene.movers]
+        assert not shapely.STRtree(parked).query(ways, predicate="intersects").size
+        met += len(scene.movers)
+    assert met > 10

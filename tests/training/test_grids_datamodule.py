@@ -48,6 +48,14 @@ def whole(pairs):
     return pairs[list(range(len(pairs)))]
 
 
+def test_grids_of_simulated_sites_are_not_those_of_older_scenes(prepared, monkeypatch):
+    log = prepared.data.train[0]
+    before = [name_of(site, 0, prepared) for site in ("simulated:7", log)]
+    monkeypatch.setattr("hilbertvae.site.SCENES", 0)
+    after = [name_of(site, 0, prepared) for site in ("simulated:7", log)]
+    assert before[0] != after[0] and before[1] == after[1]
+
+
 def test_pairs_are_those_of_each_clustering(prepared):
     module = module_of(prepared)
     log = prepared.data.train[0]

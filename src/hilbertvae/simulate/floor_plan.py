@@ -194,9 +194,11 @@ def _windows(rng, sketch: Sketch, space, walls):
     outlines = [shapely.get_coordinates(part.exterior) for part in parts(space)]
     starts, steps = (np.concatenate(ends) for ends in ([o[:-1] for o in outlines], [np.diff(o, axis=0) for o in outlines]))
     lengths = np.linalg.norm(steps, axis=1)
-    across = turned(steps, np.pi / 2) / lengths[:, None] * (2 * sketch.outer_wall_m + 0.2)
-    left, right = (shapely.contains_xy(space, starts + steps / 2 + side) for side in (across, -across))
-    chosen = (lengths > 1.5) & (rng.random(len(lengths)) < share) & ~(left & right)  # an inner wall has floors on both sides
+    across = turned(steps, np.pi / 2) / lengths[:, None] * max(2 * sketch.outer_wall_m + 0.2, sketch.wall_m + 0.1)
+    along = starts + np.array([0.25, 0.5, 0.75])[:, None, None] * steps
+    left, right = (shapely.contains_xy(space, *np.moveaxis(along + side, -1, 0)) for side in (across, -across))
+    inner = (left & right).any(axis=0)  # floors on both sides
+    chosen = (lengths > 1.5) & (rng.random(len(lengths)) < share) & ~inner
     if not chosen.any():
         return [], walls
     size_m = np.minimum(rng.uniform(0.8, 12.0, chosen.sum()), lengths[chosen] - 0.4)

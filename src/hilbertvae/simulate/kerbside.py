@@ -31,9 +31,8 @@ def park(rng, scene: Scene, line: Line) -> None:
     ways = rng.random()
     while x < line.length_m - 5:
         vehicle, length, width = draw_vehicle(rng)
-        fits = True
+        fits = {"across": length < 5.2, "along": width < 2.1}.get(line.parking, True)  # a lorry would stand in the lane
         if line.parking == "across":
-            fits = length < 5.2  # a longer one would stand in the lane
             room = width + rng.uniform(0.7, 1.1)
             middle, y, turn = x + room / 2, -2.5, rng.choice([slant, slant + np.pi])
         else:
@@ -103,6 +102,6 @@ def _walker(rng, scene: Scene, line: Line, x: float, y: float) -> None:
     angle = line.angle_rad + rng.choice([0, np.pi]) + rng.normal(0, 0.1) if walks else rng.uniform(0, 6)
     thing = Thing("person", draw_person(rng, walks), float(s), float(t), float(angle))
     if walks:
-        scene.movers.append(Mover(thing, rng.uniform(0.1, 0.8)))
+        scene.send(Mover(thing, rng.uniform(0.1, 0.8)))
     else:
-        scene.things.append(thing)
+        scene.put(thing)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 import shapely
 
 from hilbertvae.simulate.shapes import turned
 from hilbertvae.simulate.soup import Soup
 
-ON_ROADS = ("vehicle", "cyclist", "person", "bicycle")
+ON_ROADS = ("vehicle", "cyclist", "person")
 BARRIERS = ("hedge", "wall", "fence", "rail")
-SOFT = (*BARRIERS, "bush")
-"""May touch what stands, and grow around it, but go through no house."""
+"""May touch what stands, but go through no house that was there before; as bushes, they take no land."""
 HOUSES = ("house", "garage", "shelter")
 LOW_M = 1.2
 """Only what of a thing is lower takes land: a crown or a lamp's arm may reach over a car."""
@@ -24,7 +21,7 @@ TOUCH_M = 0.15
 def footprint(kind: str, soup: Soup, place: tuple[float, float], angle_rad: float) -> shapely.Geometry:
     """The rectangle, in the plan, around what of a thing at `place` that faces `angle_rad` is lower than `LOW_M`.
 
-    Of a house, from its front on: steps and bays may reach between the bins of a pavement.
+    Of a house, from its front on: between its steps and bays there may be bins.
     """
     low = soup.triangles[soup.triangles[..., 2].min(axis=1) < LOW_M, :, :2].reshape(-1, 2)
     if not len(low):
@@ -35,36 +32,35 @@ def footprint(kind: str, soup: Soup, place: tuple[float, float], angle_rad: floa
     return shapely.polygons(turned(corners, angle_rad) + np.array(place))
 
 
-@dataclass
+def shrunk(place: shapely.Geometry, by_m: float = TOUCH_M) -> shapely.Geometry:
+    """A footprint without its edge; what is too thin for that keeps its middle."""
+    width = shapely.area(place) / max(shapely.length(place) / 2, 1e-9)
+    return shapely.buffer(place, -min(by_m, 0.4 * width), join_style="mitre")
+
+
 class Land:
     """Which land is taken. road: the carriageway; kept_free: where nothing may be parked, as before entrances."""
 
-    road: shapely.Geometry
-    kept_free: shapely.Geometry
-    _taken: list = field(default_factory=list)
-    _houses: list = field(default_factory=list)
+    def __init__(self, road: shapely.Geometry, kept_free: shapely.Geometry):
+        self._road, self._kept_free = shapely.buffer(road, -TOUCH_M), kept_free
+        shapely.prepare(self._road)
+        self._taken, self._houses = [], []
 
-    def __post_init__(self):
-        self.road = shapely.buffer(self.road, -TOUCH_M)
-        shapely.prepare(self.road)
-
-    def take(self, kind: str, place: shapely.Geometry) -> bool:
-        """Whether a thing may stand at a footprint; if so, the land is its own from now on."""
+    def free(self, kind: str, place: shapely.Geometry) -> bool:
+        """Whether a thing may stand at a footprint."""
         if kind == "grass":
             return True
-        if shapely.intersects(self.kept_free if kind in ON_ROADS else self.road, place):
+        if shapely.intersects(self._kept_free if kind in ON_ROADS else self._road, place):
             return False
-        inner = _shrunk(place, np.inf if kind in SOFT else TOUCH_M)
-        if shapely.intersects(np.array(self._houses if kind in SOFT else self._taken, dtype=object), inner).any():
+        inner = shrunk(place, np.inf if kind in (*BARRIERS, "bush") else TOUCH_M)
+        return not shapely.intersects(np.array(self._houses if kind in BARRIERS else self._taken, dtype=object), inner).any()
+
+    def take(self, kind: str, place: shapely.Geometry) -> bool:
+        """As `free`; the land is the thing's from now on."""
+        if not self.free(kind, place):
             return False
-        if kind not in SOFT:
-            self._taken.append(inner)
+        if kind not in (*BARRIERS, "bush", "grass"):
+            self._taken.append(shrunk(place))
         if kind in HOUSES:
-            self._houses.append(inner)
+            self._houses.append(shrunk(place))
         return True
-
-
-def _shrunk(place: shapely.Geometry, by_m: float) -> shapely.Geometry:
-    """A footprint without its edge; what is too thin for that keeps a fifth of its width."""
-    width = shapely.area(place) / max(shapely.length(place) / 2, 1e-9)
-    return shapely.buffer(place, -min(by_m, 0.4 * width), join_style="mitre")

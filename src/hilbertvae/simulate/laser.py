@@ -156,7 +156,7 @@ def _joined(nearness: np.ndarray) -> np.ndarray:
 
     Along a straight wall 1 / range is all but linear in the angle, however slanted the wall is. So two beams are on one
     surface where either side, extrapolated, comes within 0.1 m of the other's return, or where both meet in between, at
-    a corner. A side of a single beam tells nothing.
+    a corner. A side of a single beam tells nothing. On rough surfaces, as foliage, a third of the steps pass for joined by chance.
     """
     before, here = nearness[1:-2], nearness[2:-1]
     from_before, from_here = 2 * before - nearness[:-3], 2 * here - nearness[3:]

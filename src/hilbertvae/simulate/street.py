@@ -176,10 +176,13 @@ def scan_scene(rng: np.random.Generator, scene, poses: np.ndarray, lidar: Spinni
     still, beams = SurfaceCaster(scene.soup()), rays(lidar)
     hidden = hidden_by_car(rng, lidar)
     bias = rng.normal(0, lidar.laser_bias_m, lidar.lasers)
+    s0, _, s1, _ = scene.plan.extent
     believed = np.linalg.inv(poses[0]) @ poses @ _errors(rng, len(poses), settings)
     points, origins, scan, beam = [], [], [], []
     for k, pose in enumerate(poses):
-        moving = joined([mover.at_scan(k).in_world(scene.plan.ground) for mover in scene.movers])
+        moved = (mover.at_scan(k) for mover in scene.movers)
+        there = [thing for thing in moved if s0 < thing.s < s1]  # oncoming ones start beyond the land
+        moving = joined([thing.in_world(scene.plan.ground) for thing in there])
         casters = [still, SurfaceCaster(moving)] if len(moving) else [still]
         ranges = sense_turn(rng, lidar, beams, casters, pose, bias, hidden)
         azimuth, laser = np.nonzero(np.isfinite(ranges))

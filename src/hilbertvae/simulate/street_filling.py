@@ -81,18 +81,18 @@ def add_traffic(rng: np.random.Generator, scene: Scene, step_m: float, lane_s: n
     plan = scene.plan
     if plan.island:
         return
-    places = np.arange(-45, lane_s[-1] + 65, 11.0)
-    for lane, way in ((plan.lane_t, 1), (plan.other_t, -1)):
+    for lane, way, last in ((plan.lane_t, 1, 65.0), (plan.other_t, -1, 65.0 + 2 * lane_s[-1])):
+        places = np.arange(-45, last, 11.0)
+        step = step_m * (rng.uniform(0.9, 1.1) if way > 0 else rng.uniform(0.6, 1.4))  # one of all, or they would drive through each other
         for s in rng.choice(places, min(rng.poisson(0.12 * len(places)), len(places) // 2), replace=False) + rng.uniform(-1, 1):
             vehicle, length, _ = draw_vehicle(rng)
-            step = step_m * rng.uniform(0.6, 1.4) * way if way < 0 else step_m * rng.uniform(0.9, 1.1)
-            gap = s + np.arange(len(lane_s)) * step - lane_s
+            gap = s + np.arange(len(lane_s)) * step * way - lane_s
             if way < 0 or np.abs(gap).min() > length / 2 + 6:
                 thing = Thing("vehicle", vehicle, float(s), float(lane + rng.normal(0, 0.1)), 0.0 if way > 0 else np.pi, True)
-                scene.movers.append(Mover(thing, abs(step)))
+                scene.movers.append(Mover(thing, step))
     for _ in range(rng.poisson(0.4)):
         way = rng.choice([-1, 1])
-        edge = (plan.lane_t if way > 0 else plan.other_t) + np.sign(plan.lane_t * way) * 1.3
+        edge = (plan.lane_t if way > 0 else plan.other_t) + np.sign(plan.lane_t * way) * 0.75
         s = rng.uniform(5, 40)
         if way < 0 or np.abs(s + 0.5 * step_m * np.arange(len(lane_s)) - lane_s).min() > 4:
             thing = Thing("cyclist", draw_bicycle(rng), float(s), float(edge), 0.0 if way > 0 else np.pi)

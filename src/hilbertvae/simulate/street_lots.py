@@ -53,7 +53,10 @@ def _detached(rng, scene: Scene, lot: Lot) -> None:
     enclose(rng, scene, line, lot.x_m, lot.x_m + lot.width_m, y0 + 0.15, [(lot.x_m + a, lot.x_m + b) for a, b in gate])
     if rng.random() < 0.5:
         _across(rng, scene, line, lot.x_m, y0, set_back + rng.uniform(0, 12))
-    plant(rng, scene, line, (lot.x_m + 0.5, lot.x_m + lot.width_m - 0.5), (y0 + 0.8, y0 + set_back - 0.5), rng.poisson(6), 0.15)
+    low, high = 0.5, lot.width_m - 0.5
+    if lot.drive_m is not None:  # none grow on the drive
+        low, high = (lot.drive_m + 1.7, high) if on_left else (low, lot.drive_m - 1.7)
+    plant(rng, scene, line, (lot.x_m + low, lot.x_m + high), (y0 + 0.8, y0 + set_back - 0.5), rng.poisson(6), 0.15)
     plant(rng, scene, line, (lot.x_m, lot.x_m + lot.width_m), (y0 + set_back + 12, y0 + set_back + 25), rng.poisson(2), 0.7)
 
 

@@ -17,6 +17,7 @@ from hilbertvae.simulate.terrain import StreetGround, strips
 BEYOND_M = 85.0
 """How far the street goes on before and after the drive, and side streets to the side: about as far as lidars see."""
 ENTRANCE_M = 6.0
+"""How wide ways into car parks are."""
 CORNER_M = 8.0
 """Of land beside a side street, or there is none."""
 
@@ -81,8 +82,7 @@ def draw_street_plan(rng: np.random.Generator, character: str, drive_m: float, b
     ground = _draw_ground(rng, character, road, widths, pavements, lots)
     lane_t = driven * lane * (rng.choice([0.27, 0.75]) if wide else 0.5)
     grass = _grass(rng, road, lines, lots, island)
-    before = [(s0 + 3, *sorted((0.0, t0 if t1 > 0 else t1))) for s0, t0, _, t1 in car_parks]
-    kept_free = strips([(s, t0, s + ENTRANCE_M, t1) for s, t0, t1 in before])
+    kept_free = without(strips(_entrances(car_parks)), strips(car_parks))
     return StreetPlan(character, ground, grass, extent, lines, lots, lane_t, -driven * lane * 0.5, island, ring, car_parks, kept_free)
 
 

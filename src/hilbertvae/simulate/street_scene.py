@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import shapely
 
 from hilbertvae.simulate.kerb_lines import Line
 from hilbertvae.simulate.land import Land, footprint
@@ -26,6 +27,10 @@ class Thing:
     t: float
     angle_rad: float = 0.0
     draped: bool = False
+
+    def footprint(self) -> shapely.Geometry:
+        """The land it takes, in the plan."""
+        return footprint(self.kind, self.soup, (self.s, self.t), self.angle_rad)
 
     def in_world(self, ground: StreetGround) -> Soup:
         """Its triangles in metres of the world, standing on the ground, or laid over it if `draped`."""
@@ -71,8 +76,13 @@ class Scene:
 
     def put(self, thing: Thing) -> None:
         """A thing where it says, unless something stands there."""
-        if self._land.take(thing.kind, footprint(thing.kind, thing.soup, (thing.s, thing.t), thing.angle_rad)):
+        if self._land.take(thing.kind, thing.footprint()):
             self.things.append(thing)
+
+    def send(self, mover: Mover) -> None:
+        """A mover from where it says on, unless something stands there."""
+        if self._land.free(mover.thing.kind, mover.thing.footprint()):
+            self.movers.append(mover)
 
     def leaf_m(self, line: Line, x: float, y: float) -> float:
         """Facets grow with the distance from the drive: a far crown needs fewer of them to look the same."""
