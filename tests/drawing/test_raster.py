@@ -35,6 +35,13 @@ def test_codes_follow_the_rule_of_voxels():
     assert raster.codes(cloud(both, [True, False], [14, 86])).item() == -1
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_sheet_that_holds_no_point_is_unknown(dimension):
+    """As a slice through a gap in which nothing was measured: where there is nothing to count, numpy counts in whole numbers."""
+    raster = Raster((0, 0), columns=3, rows=2, cell_m=1.0, height_m=0.5 if dimension == 3 else None)
+    assert raster.codes(cloud([[9.5] * dimension], [True])).tolist() == [[0, 0, 0]] * 2
+
+
 def test_a_room_drawn_from_its_voxels():
     site = room()
     raster = Raster.around(site.voxels.points, site.resolution_m)

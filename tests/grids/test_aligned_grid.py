@@ -118,6 +118,7 @@ def test_votes_cell_by_cell():
     assert vote(hits, frees).tolist() == [[UNKNOWN, OCCUPIED, OCCUPIED, FREE, OCCUPIED, FREE, FREE, FREE]]  # the tie goes to occupied
     assert vote(hits, frees, 0.15).tolist() == [[UNKNOWN, OCCUPIED, OCCUPIED, OCCUPIED, OCCUPIED, FREE, OCCUPIED, OCCUPIED]]
     assert vote(hits, frees).dtype == np.int8
+    np.testing.assert_array_equal(vote(hits.astype(int), frees.astype(int), 0.15), vote(hits, frees, 0.15))
 
 
 @settings(max_examples=20)

@@ -148,7 +148,7 @@ def vote(hits: np.ndarray, frees: np.ndarray, occupied_share: float = 0.5) -> np
     """
     total = hits + frees
     # A quotient, as in the `voxels` cloud: in float32 a product misses ties, such as 3 of 20 votes at 0.15.
-    found = np.divide(hits, total, out=np.zeros_like(total), where=total > 0)
+    found = np.divide(hits, total, out=np.zeros_like(total, dtype=np.result_type(total, np.float16)), where=total > 0)
     return np.where(total == 0, UNKNOWN, np.where(found >= occupied_share, OCCUPIED, FREE)).astype(np.int8)
 
 
