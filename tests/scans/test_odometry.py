@@ -67,11 +67,11 @@ def test_a_drive_is_found_to_centimetres(drive):
 
 
 def test_a_first_motion_is_not_taken_for_standing_still():
-    """This street fits the scan before it with 0.51 where nothing moved, and with 0.49 where it did."""
-    clouds, poses = street(1.0, seed=3, scans=3)
+    """This street fits the scan before it with 0.53 where nothing moved, and with 0.43 where it did."""
+    clouds, poses = street(1.0, seed=76, scans=3)
     odometry = KissOdometry()
     found = np.array([odometry.register(cloud) for cloud in clouds])
-    assert np.linalg.norm(found[:, :, 3] - poses[:, :, 3], axis=1).max() < 0.15
+    assert np.linalg.norm(found[:, :, 3] - poses[:, :, 3], axis=1).max() < 0.1
 
 
 def test_scans_far_apart_are_found_too(monkeypatch):
