@@ -22,6 +22,8 @@ FREE_POINT_M = 2.0
 """The `points` cloud has a free point in so much of a beam: the rule of the author's own code (METHOD 1)."""
 OCCUPIED_SHARE = 0.15
 """A voxel is occupied from this share of returns on: many beams graze a wall's voxel, and a majority would erase it."""
+READINGS = ("voxels", "points")
+"""How a site is asked: every voxel once, or every return and the free points of `points_cloud`, as in the paper."""
 NO_RETURN = "; leave out beams without a return"
 
 

@@ -53,6 +53,19 @@ def test_maps_may_be_turned_and_read_otherwise_than_in_training(folder, trained)
     assert again.fingerprint() == first.fingerprint() and again.map_weights == first.map_weights and again.grid == first.grid
 
 
+def test_maps_for_one_reading_alone_may_be_read_between_cells(folder, trained):
+    """Weights for the other are what they are without."""
+    learned = {}
+    for how in ([], ["--interpolated"], ["--interpolated", "voxels"]):
+        assert main(["2d", "--checkpoint", str(trained), "--rotation", "spread", *how]) == 0
+        learned[tuple(how[1:]) or bool(how)] = Reconstructor.load("2d").map_weights
+    assert Reconstructor.load("2d").grid.interpolated == "voxels"
+    assert "those for voxels read between cells; in" in (folder / "2d.md").read_text()
+    unseen = {how: {reading: weights["unseen"] for reading, weights in found.items()} for how, found in learned.items()}
+    assert unseen["voxels",]["points"] == unseen[False]["points"] != unseen[True]["points"]
+    assert unseen["voxels",]["voxels"] == unseen[True]["voxels"] != unseen[False]["voxels"]
+
+
 def test_where_the_cuts_on_points_lie_is_chosen_and_kept(folder, trained, capsys):
     assert main(["2d", "--checkpoint", str(trained)]) == 0
     first = Reconstructor.load("2d").map_weights

@@ -68,7 +68,7 @@ def setting(*keys, value):
         (setting("grid", "cells", value=16.0), "grid.cells: expected a whole number"),
         (setting("grid", "cluster_diameter_m", value=0), "cluster_diameter_m: expected a positive number"),
         (setting("grid", "frame", "rotation", value="twisted"), "frame.rotation: expected one of"),
-        (setting("grid", "interpolated", value="linear"), "grid.interpolated: expected true or false"),
+        (setting("grid", "interpolated", value="linear"), "grid.interpolated: expected true, false or one of voxels, points"),
         (setting("grid", "colour", value="red"), "don't fit together"),
         (setting("rank_weights", "seen", value=[1.0]), "rank_weights.seen: expected"),
         (setting("rank_weights", "unseen", value=[float("inf")] * 6), "rank_weights.unseen: expected .* finite"),

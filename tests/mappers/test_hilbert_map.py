@@ -1,5 +1,6 @@
 import pickle
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -186,6 +187,24 @@ def test_calibration_chooses_the_weights(room):
         np.testing.assert_array_equal(mapper.rank_weights_.unseen, made.map_weights[reading]["unseen"])
     made.map_weights = {}  # never learned: as in the author's real-time code
     np.testing.assert_array_equal(fit(HilbertMap(made), gapped(room)).rank_weights_.unseen, [1, 1, 1, 1, 1, 0])
+
+
+def test_maps_of_one_reading_may_be_read_between_cells(place):
+    """They answer as if all were, and those of the other as if none were; what is set after a fit waits for the next."""
+    made, cloud = reconstructor(place.dimension), gapped(place)
+    queries = np.random.default_rng(0).uniform(place.fit.points.min(axis=0), place.fit.points.max(axis=0), (500, place.dimension))
+    answers = {}
+    for interpolated in (False, True, "voxels", "points"):
+        for reading in ("voxels", "points"):
+            grid = replace(made.grid, interpolated=interpolated)
+            mapper = fit(HilbertMap(made, calibration=reading, grid=grid), cloud).set_params(calibration="voxels")
+            answers[interpolated, reading] = np.column_stack(
+                [ask(queries) for ask in (mapper.predict_map, mapper.predict_std, mapper.known)]
+            )
+    for reading in ("voxels", "points"):
+        assert (answers[True, reading] != answers[False, reading]).any(axis=0).all()
+        for interpolated in ("voxels", "points"):
+            np.testing.assert_array_equal(answers[interpolated, reading], answers[interpolated == reading, reading])
 
 
 def test_parameters_and_clone():

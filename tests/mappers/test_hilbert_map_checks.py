@@ -111,7 +111,7 @@ def test_bad_queries_are_named(room, queries, message):
         ({"ridge": -1.0, "weights": "cluster"}, "ridge: expected a number from 0 on, got -1.0"),
         ({"ridge": 0.0, "weights": "cluster"}, "ridge: expected a positive number, got 0.0"),
         ({"grid": GridSettings(occupied_share=-3.0)}, "grid.occupied_share: expected a share"),
-        ({"grid": GridSettings(interpolated="no")}, "grid.interpolated: expected true or false"),
+        ({"grid": GridSettings(interpolated="no")}, "grid.interpolated: expected true, false or one of voxels, points"),
         ({"ridge": "a"}, "ridge: expected a number from 0 on, got 'a'"),
         ({"resolution_m": -1}, "resolution_m: expected a positive number, got -1"),
         ({"resolution_m": "a"}, "resolution_m: expected a positive number, got 'a'"),

@@ -23,9 +23,9 @@ def turned_grid(dimension):
     return grid
 
 
-def between_cells(dimension):
+def between_cells(dimension, interpolated=True):
     made = network(dimension)
-    made.grid = replace(made.grid, interpolated=True)
+    made.grid = replace(made.grid, interpolated=interpolated)
     return made
 
 
@@ -34,6 +34,7 @@ MAPPERS = {
     "cluster": lambda dimension: HilbertMap(network(dimension), weights="cluster"),
     "no evidence": lambda dimension: HilbertMap(network(dimension), evidence=False, calibration="voxels", seed=np.int64(3)),
     "between cells": lambda dimension: HilbertMap(between_cells(dimension)),
+    "between cells for voxels": lambda dimension: HilbertMap(between_cells(dimension, "voxels")),
     "raw": lambda dimension: HilbertMap(grid=tiny_grid(dimension), weights="unit", neighbours=3),
     "turned": lambda dimension: HilbertMap(grid=turned_grid(dimension), weights="unit", resolution_m=0.15),
 }

@@ -18,10 +18,11 @@ class Recorder(HilbertMap):
 
     def fit(self, points, y, sample_weight=None):
         self.given = [*getattr(self, "given", []), (points, y, sample_weight)]
+        self.asked = getattr(self, "asked", [])  # one list, whose of two readings' maps is asked
         return super().fit(points, y, sample_weight)
 
     def features(self, queries):
-        self.asked = [*getattr(self, "asked", []), queries]
+        self.asked.append(queries)
         return super().features(queries)
 
 

@@ -23,8 +23,10 @@ def network(dimension=2):
     return made
 
 
-def test_one_fit_serves_two_calibrations(place, monkeypatch):
+@pytest.mark.parametrize("interpolated", [False, "points"])
+def test_one_fit_serves_two_calibrations(place, interpolated, monkeypatch):
     made, fitted = network(place.dimension), []
+    made.grid = replace(made.grid, interpolated=interpolated)
     plain_fit = HilbertMap._fit
     monkeypatch.setattr(HilbertMap, "_fit", lambda self, *cloud: (fitted.append(self.calibration), plain_fit(self, *cloud)))
     mappers = {"voxels": HilbertMap(made), "near": NearestMapper(), "points": HilbertMap(made, calibration="points")}

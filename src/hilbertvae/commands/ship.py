@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hilbertvae.checks import InputError, check_seeds
+from hilbertvae.cloud import READINGS
 from hilbertvae.files import atomic
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.weights import check_occupied_weight, occupied_weight_of
@@ -30,7 +31,7 @@ def ship(
     checkpoint: str | Path,
     name: str,
     rotation: str | None = None,
-    interpolated: bool = False,
+    interpolated: bool | str = False,
     mean: bool = False,
     calibrate: Sequence[str] = (),
     occupied_weight: float | None = None,
@@ -39,11 +40,11 @@ def ship(
     """Pack the network of `checkpoint`, learn its map's weights with it as packed, and write it where `load_mapper(name)` looks.
 
     rotation: of the frames of its maps (`FrameSettings`), if they shall be others than those of its training. interpolated: whether they
-    are read between cells, whatever its training had. mean: take the mean of its weights and those of the network that is shipped as
-    `name` now, from which it was trained on. calibrate: the sites that the map's weights are learned on, if not those of its training.
-    occupied_weight: what an occupied point counts for in the weights for points, which says where the cuts lie between precision and
-    recall; as in those that the checkpoint has, unless given. calibration_seeds: the gap seeds that they are learned with, of several sites
-    fewer than of one. Else simulated sites are made, and gaps cut, as in its training, if its card says how; if not, as by default."""
+    are read between cells (`GridSettings`), whatever its training had. mean: take the mean of its weights and those of the network that is
+    shipped as `name` now, from which it was trained on. calibrate: the sites that the map's weights are learned on, if not those of its
+    training. occupied_weight: what an occupied point counts for in the weights for points, which says where the cuts lie between precision
+    and recall; as in those that the checkpoint has, unless given. calibration_seeds: the gap seeds that they are learned with, of several
+    sites fewer than of one. Else simulated sites are made, and gaps cut, as in its training, if its card says how, or by default."""
     if occupied_weight is not None:
         check_occupied_weight(occupied_weight, "--occupied-weight")
     if calibration_seeds:
@@ -55,7 +56,7 @@ def ship(
     if rotation:
         trained = replace(trained, grid=replace(trained.grid, frame=replace(trained.grid.frame, rotation=rotation)))
     if interpolated:
-        trained = replace(trained, grid=replace(trained.grid, interpolated=True))
+        trained = replace(trained, grid=replace(trained.grid, interpolated=interpolated))
     known, how = settings_of(trained.card, trained.dimension), "as in its training" if KEY in trained.card else "by defaults"
     if calibration_seeds:
         known = replace(known, calibration_seeds=list(calibration_seeds))
@@ -87,7 +88,10 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("name", choices=SHIPPED, help="what `load_mapper` shall know it as")
     parser.add_argument("--checkpoint", help="model.safetensors of a training, or a name; without it the card alone is written anew")
     parser.add_argument("--rotation", help="how boxes of its maps are turned (`grid.frame.rotation`), unless as in its training")
-    parser.add_argument("--interpolated", action="store_true", help="its maps are read between cells (`grid.interpolated`)")
+    parser.add_argument(
+        "--interpolated", nargs="?", const=True, default=False, choices=READINGS,
+        help="its maps are read between cells (`grid.interpolated`), or those for one reading alone",
+    )  # fmt: skip
     parser.add_argument("--mean", action="store_true", help="the mean of its weights and those of the network it was trained on from, NAME")
     parser.add_argument("--calibrate", nargs="+", default=[], help="sites that its map's weights are learned on, if not as in its training")
     parser.add_argument(

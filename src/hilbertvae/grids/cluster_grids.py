@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hilbertvae.checks import InputError, check_positive, check_whole
-from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
+from hilbertvae.cloud import OCCUPIED_SHARE, READINGS, Cloud
 from hilbertvae.clusters.clusters import Clusters
 from hilbertvae.clusters.starts import check_start, find_clusters
 from hilbertvae.grids.aligned_grid import UNKNOWN, IndexedCloud, Members, bin_members, count_code, count_votes, mean_places, vote
@@ -34,8 +34,9 @@ class GridSettings:
     """Occupied points that a cluster has more than."""
     occupied_share: float = OCCUPIED_SHARE
     """Share of hits from which on a cell is occupied; 0.5 is the paper's majority."""
-    interpolated: bool = False
-    """Whether a map reads its grids between cells (`kernel`); the paper reads the cell that a query falls in (Eq. 7)."""
+    interpolated: bool | str = False
+    """Whether a map reads its grids between cells (`kernel`); the paper reads the cell that a query falls in (Eq. 7). `voxels` or `points`:
+    maps that are calibrated for that do."""
     frame: FrameSettings = field(default_factory=FrameSettings)
 
     @classmethod
@@ -57,13 +58,17 @@ class GridSettings:
             raise InputError(f"grid.inner_radius_m: expected at most half of cluster_diameter_m, got {self.inner_radius_m}")
         if not 0 < self.occupied_share <= 1:
             raise InputError(f"grid.occupied_share: expected a share in (0, 1], got {self.occupied_share}")
-        if not isinstance(self.interpolated, bool):
-            raise InputError(f"grid.interpolated: expected true or false, got {self.interpolated!r}")
+        if not isinstance(self.interpolated, bool) and self.interpolated not in READINGS:
+            raise InputError(f"grid.interpolated: expected true, false or one of {', '.join(READINGS)}, got {self.interpolated!r}")
 
     @property
     def cell_m(self) -> float:
         """The side of a cell in metres, where the scale is fixed."""
         return self.cluster_diameter_m / self.cells
+
+    def read_between_cells(self, reading: str) -> bool:
+        """Whether maps that are calibrated for a reading, `voxels` or `points`, are read between cells."""
+        return self.interpolated in (True, reading)
 
 
 def voxel_grid(resolution_m: float) -> GridSettings:

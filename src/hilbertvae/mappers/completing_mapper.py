@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from hilbertvae.checks import InputError, check_cell_m, check_count, check_not_negative, check_positive, check_whole
-from hilbertvae.cloud import Cloud
+from hilbertvae.cloud import READINGS, Cloud
 from hilbertvae.gaps import NoRoom
 from hilbertvae.grids.aligned_grid import IndexedCloud
-from hilbertvae.grids.cluster_grids import PLACES, GridSettings, bin_shown
+from hilbertvae.grids.cluster_grids import PLACES, GridSettings, bin_shown, voxel_grid
 from hilbertvae.grids.frame import Frames
 from hilbertvae.grids.training_grids import gapped_grids
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.mappers.weights import READINGS, check_calibration
+from hilbertvae.mappers.weights import check_calibration
 from hilbertvae.reconstruction.adaptation import adapted, batch_size
 from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
@@ -48,9 +49,9 @@ class CompletingMapper(Mapper):
         return known and all(theirs[name] is value or theirs[name] == value for name, value in mine.items())
 
     def fit_as(self, other: CompletingMapper) -> CompletingMapper:
-        """As every mapper's, but for the weights, which are this one's own."""
+        """As every mapper's, but for the weights and how grids are read, which are this one's own."""
         super().fit_as(other)
-        self.rank_weights_ = self._rank_weights()
+        self.rank_weights_, self.grid_ = self._rank_weights(), self._own_grid(self.evidence_.resolution_m)
         return self
 
     def check_settings(self) -> None:
@@ -88,6 +89,14 @@ class CompletingMapper(Mapper):
         if self.reconstructor is not None and self.reconstructor.dimension != dimension:
             raise InputError(f"points: the network is for {self.reconstructor.dimension}D, got {dimension}D points")
         check_device(self.device)
+
+    def _own_grid(self, resolution_m: float) -> GridSettings:
+        """Of its boxes, checked; `interpolated` says how a map of this calibration is read."""
+        grid = self.grid or (self.reconstructor.grid if self.reconstructor else voxel_grid(resolution_m))
+        if self.inner_radius_m is not None:
+            grid = replace(grid, inner_radius_m=self.inner_radius_m)
+        grid.check()
+        return replace(grid, interpolated=grid.read_between_cells(self.calibration))
 
     @property
     def detailed_(self) -> bool:

@@ -6,7 +6,6 @@ was observed in its voxel, weighed by logistic regression.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from threading import Lock
 
 import numpy as np
@@ -15,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import RESOLUTION_M, Cloud
-from hilbertvae.grids.cluster_grids import GridSettings, cloud_clusters, frames_of, voxel_grid
+from hilbertvae.grids.cluster_grids import GridSettings, cloud_clusters, frames_of
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernels
 from hilbertvae.mappers.cluster_weights import cluster_factors, hide_gaps, voted
 from hilbertvae.mappers.evidence import Evidence
@@ -121,10 +120,7 @@ class HilbertMap(GrowingMapper):
         self._check_network(dimension)
         self.flips_ = FLIPS[dimension] if self.flips is None else self.flips
         resolution_m = float(self.resolution_m or (network.resolution_m if network else RESOLUTION_M[dimension]))
-        self.grid_ = self.grid or (network.grid if network else voxel_grid(resolution_m))
-        if self.inner_radius_m is not None:
-            self.grid_ = replace(self.grid_, inner_radius_m=self.inner_radius_m)
-        self.grid_.check()
+        self.grid_ = self._own_grid(resolution_m)
         self.evidence_ = Evidence(cloud.points, cloud.occupied, cloud.weight, resolution_m)
         self.evidence_joins_, self.fills_ = bool(self.evidence), bool(self.fill)
         self.rank_weights_ = self._rank_weights()

@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hilbertvae.checks import InputError, check_positive
+from hilbertvae.cloud import READINGS
 from hilbertvae.mappers.newton_logistic import LIGHT_RIDGE, logistic_weights
 
-READINGS = ("voxels", "points")
-"""What weights can be fitted on."""
 OCCUPIED_WEIGHT = 2.0
 """How many points one that is occupied counts for, in weights learned on points. Those are scored at the cuts (METHOD 5: these weights
 calibrate them), and F1 is highest where less than a half is occupied: with 2, the cut of 0.6 lies where 3 of 7 are. Chosen on the

@@ -56,7 +56,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         f"The Hilbert Map's weights were learned on {', '.join(calibrated_on(card))}, "
         + f"over {card['flips']} flip{'s' if card['flips'] > 1 else ''}"
         + (f", in frames turned as `{turned}`" if (turned := network.grid.frame.rotation) != "none" else "")
-        + (", read between cells" if network.grid.interpolated else "")
+        + (f", {_between_cells(network.grid.interpolated)}" if network.grid.interpolated else "")
         + f"; in those for points an occupied one counts for {occupied_weight_of(network.map_weights):g}.",
         "## Scores",
         *([_scores([read_result(path)[0] for path in results]), _made(results)] if results else ["Not scored yet."]),
@@ -66,6 +66,11 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         _terms(card),
     ]
     return "\n\n".join(lines) + "\n"
+
+
+def _between_cells(interpolated: bool | str) -> str:
+    """How its maps are read, if any are read between cells."""
+    return "read between cells" if interpolated is True else f"those for {interpolated} read between cells"
 
 
 def _trained(card: dict) -> list[str]:

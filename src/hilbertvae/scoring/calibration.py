@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -40,12 +41,14 @@ def learn_rank_weights(
     calibrated for the cells it was fitted on, the cuts for the points, of which an occupied one counts for `occupied_weight`.
     """
     gathered: dict[str, list] = {"points": [], "voxels": []}
+    as_read = {reading: copy.copy(mapper).set_params(calibration=reading) for reading in gathered}
     most = MOST_QUERIES // (len(seeds) * len(sites))
 
     def gather(reading: str, cloud: Cloud, asked: np.ndarray, seed: int) -> None:
         if len(asked) > most:
             asked = np.random.default_rng(seed).choice(asked, most, replace=False)
-        gathered[reading].append((*mapper.features(cloud.points[asked]), cloud.occupied[asked]))
+        features = as_read[reading].fit_as(mapper).features(cloud.points[asked])
+        gathered[reading].append((*features, cloud.occupied[asked]))
 
     for site, seed in track(list(product(sites, seeds)), f"{LEARNING} from gaps", transient=True):
         gaps = random_gaps(site.fit, gap_diameter_m, site.resolution_m, seed)
