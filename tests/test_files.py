@@ -1,3 +1,4 @@
+import errno
 import hashlib
 import json
 import os
@@ -17,6 +18,21 @@ def test_a_block_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):
         raise RuntimeError("killed")
     assert json.loads(path.read_text()) == {"a": 1}
     assert [found.name for found in path.parent.iterdir()] == ["result.json"]
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "[Errno 28] No space left on device: '{}'"),
+        (OSError("Not enough free space to write 9 bytes"), "[Errno 5] Not enough free space to write 9 bytes: '{}'"),
+        (PermissionError(errno.EACCES, "Permission denied", "elsewhere"), "[Errno 13] Permission denied: 'elsewhere'"),
+    ],
+)
+def test_an_error_of_writing_names_the_file(error, said, tmp_path):
+    path = tmp_path / "grids.npy"
+    with pytest.raises(OSError) as raised, atomic(path):  # noqa: PT011 (its message is what is tested)
+        raise error
+    assert str(raised.value) == said.format(path) and list(tmp_path.iterdir()) == []
 
 
 def test_what_is_no_object_in_a_file_is_none(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -14,7 +15,8 @@ from pathlib import Path
 
 @contextmanager
 def atomic(path: str | os.PathLike) -> Iterator[Path]:
-    """A temporary path beside `path`; it replaces `path` when the block ends well and is removed when it does not."""
+    """A temporary path beside `path`; it replaces `path` when the block ends well and is removed when it does not. An `OSError` that names
+    no file, as of a full disk, names `path`."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.parent / f".{path.stem}-{secrets.token_hex(4)}{path.suffix}"
@@ -26,6 +28,10 @@ def atomic(path: str | os.PathLike) -> Iterator[Path]:
             os.fsync(written.fileno())
         os.chmod(temporary, rights)  # safetensors puts a file of its own in the place
         os.replace(temporary, path)
+    except OSError as error:
+        if error.filename is None:
+            raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from error
+        raise
     finally:
         temporary.unlink(missing_ok=True)
 

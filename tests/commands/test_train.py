@@ -1,6 +1,7 @@
 """The command on every configuration that is shipped, with `debug=fast`, and its errors."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -279,3 +280,17 @@ class TestErrors:
         assert done.returncode == 2
         assert "hilbertvae-train: site 'atlantis'" in done.stderr and "Traceback" not in done.stderr
         assert not (tmp_path / "run/result.json").exists()
+
+    @pytest.mark.skipif(os.name != "posix", reason="limits of a process")
+    def test_a_file_that_can_t_be_written_is_named_in_one_line(self, tmp_path):
+        def few_bytes():
+            import resource
+
+            resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # as a full disk, but for what it is called
+
+        command = [sys.executable, "-m", "hilbertvae.train", "debug=fast", "mapper=[]", f"data.cache={tmp_path / 'cache'}"]
+        done = subprocess.run([*command, f"output={tmp_path / 'run'}"], capture_output=True, text=True, check=False, preexec_fn=few_bytes)
+        assert done.returncode == 1 and "Traceback" not in done.stderr
+        last = done.stderr.strip().splitlines()[-1]
+        assert last.startswith(f"hilbertvae-train: {tmp_path / 'cache'}{os.sep}grids-") and ".npy: " in last
+        assert list((tmp_path / "cache").iterdir()) == []

@@ -1,4 +1,5 @@
 import json
+import os
 import subprocess
 
 import pytest
@@ -71,6 +72,9 @@ def test_git_state_of_a_clean_a_dirty_and_no_repository(tmp_path):
     git("commit", "-m", "one")
     state = git_state(tmp_path / "code")
     assert len(state["commit"]) == 40 and state["dirty"] is False
+    index = (tmp_path / ".git" / "index").read_bytes()
+    os.utime(tmp_path / "code" / "a.py", (0, 0))  # git's own status would note in the index that it looked at the file again
+    assert git_state(tmp_path / "code") == state and (tmp_path / ".git" / "index").read_bytes() == index
     (tmp_path / "code" / "a.py").write_text("2")
     assert git_state(tmp_path / "code")["dirty"] is True
     (tmp_path / "installed" / "b.py").write_text("1")

@@ -208,6 +208,9 @@ def _application(config: DictConfig) -> None:
             write_refusal(output, error)
         else:
             write(output, OmegaConf.to_container(config, resolve=True, throw_on_missing=False), error)
+        if isinstance(error, OSError) and error.filename and not many:  # a full disk, or a folder that nobody may write in
+            print(f"hilbertvae-train: {error.filename}: {error.strerror}", file=sys.stderr)
+            sys.exit(1)
         raise
     if code:
         raise RuntimeError("a mapper failed; see the lines above and result.json")

@@ -100,7 +100,8 @@ def writing_beside(output: Path) -> Iterator[Path]:
         with suppress(OSError):
             for folder in made:
                 folder.rmdir()
-        if isinstance(error, OSError) and error.errno and error.filename is None:  # a full disk says nothing but that
+        # A full disk says nothing but that, or names a file that nobody asked for.
+        if isinstance(error, OSError) and error.errno and str(error.filename or output / WRITING).startswith(str(output / WRITING)):
             raise OSError(error.errno, error.strerror, str(output)) from error
         raise
 

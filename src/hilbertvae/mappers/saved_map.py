@@ -75,7 +75,7 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
         try:
             save_file(arrays, temporary, metadata=metadata)
         except SafetensorError as error:  # a full disk, for instance
-            raise OSError(f"{path}: {error}") from error
+            raise OSError(str(error)) from error  # which `atomic` names the file of
     return Path(path)
 
 

@@ -141,11 +141,14 @@ class Reconstructor:
         }
         tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in self.network.state_dict().items()}
         with atomic(path) as temporary:
-            save_file(
-                pack(tensors) if packed else tensors,
-                temporary,
-                metadata={"format": FORMAT, "settings": json.dumps(described, sort_keys=True)},
-            )
+            try:
+                save_file(
+                    pack(tensors) if packed else tensors,
+                    temporary,
+                    metadata={"format": FORMAT, "settings": json.dumps(described, sort_keys=True)},
+                )
+            except SafetensorError as error:  # a full disk, for instance
+                raise OSError(str(error)) from error  # which `atomic` names the file of
         return Path(path)
 
     @classmethod

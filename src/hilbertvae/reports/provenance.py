@@ -89,8 +89,9 @@ def git_state(folder: Path) -> dict | None:
 
 
 def _git(folder: Path, *command: str) -> str | None:
+    """What git says. It only looks: whoever works in the repository meanwhile finds no lock of this."""
     try:
-        done = subprocess.run(["git", *command], cwd=folder, capture_output=True, text=True, timeout=20)
+        done = subprocess.run(["git", "--no-optional-locks", *command], cwd=folder, capture_output=True, text=True, timeout=20)
     except (OSError, subprocess.TimeoutExpired):
         return None
     return done.stdout.strip() if done.returncode == 0 else None
