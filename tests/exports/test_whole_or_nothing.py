@@ -1,5 +1,6 @@
 """A disk that is full while a map is written: what was there stays, and nothing half-written is left."""
 
+import contextlib
 import errno
 import json
 import os
@@ -18,7 +19,7 @@ from hilbertvae.exports.mesh_ply import write_mesh_ply
 from hilbertvae.exports.octree import write_octree_map
 from hilbertvae.exports.points_ply import write_points_ply
 from hilbertvae.exports.ros_map import write_ros_map
-from hilbertvae.files import write_json
+from hilbertvae.files import atomic, write_json
 from hilbertvae.signals import stopped_by_signals
 
 WRITERS = {
@@ -107,6 +108,19 @@ def test_a_map_that_was_ended_by_force_says_so_and_can_be_made_again(tmp_path, m
     replace_map(again, output, ["map.npz", "map.safetensors"])
     assert contents(output) == {"map.npz": "new", "map.safetensors": "new"}
     assert "unfinished" not in json.loads((output / SUMMARY).read_text())
+
+
+@pytest.mark.parametrize("file", ["map.safetensors", None])
+def test_a_file_that_can_t_be_written_is_told_as_the_folder_that_was_asked_for(file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def writing(files):  # from Python 3.12 on temporary folders are named from the root
+        return atomic(files.absolute() / file) if file else contextlib.nullcontext()
+
+    with pytest.raises(OSError) as raised, writing_beside(Path("map")) as files, writing(files):  # noqa: PT011 (its message is tested)
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert str(raised.value) == "[Errno 28] No space left on device: 'map'"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_file_system_without_locks(tmp_path, monkeypatch):

@@ -100,8 +100,8 @@ def writing_beside(output: Path) -> Iterator[Path]:
         with suppress(OSError):
             for folder in made:
                 folder.rmdir()
-        # A full disk says nothing but that, or names a file that nobody asked for.
-        if isinstance(error, OSError) and error.errno and str(error.filename or output / WRITING).startswith(str(output / WRITING)):
+        # A full disk says nothing but that, or names a file in the temporary folder, which nobody asked for.
+        if isinstance(error, OSError) and error.errno and (error.filename is None or f"{os.sep}{WRITING}" in str(error.filename)):
             raise OSError(error.errno, error.strerror, str(output)) from error
         raise
 
