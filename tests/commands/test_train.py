@@ -294,3 +294,17 @@ class TestErrors:
         last = done.stderr.strip().splitlines()[-1]
         assert last.startswith(f"hilbertvae-train: {tmp_path / 'cache'}{os.sep}grids-") and ".npy: " in last
         assert list((tmp_path / "cache").iterdir()) == []
+
+    def test_a_full_disk_is_told_in_one_line_even_where_the_failure_itself_finds_no_room(self, tmp_path):
+        """Lightning makes a checkpoint in the system's temporary folder and moves it: named is where it could not go."""
+        program = """
+from hilbertvae.commands import train
+def full(*_, **__):
+    raise OSError(28, "No space left on device", "/elsewhere/tmp1", None, "checkpoints/best.ckpt")
+train.run = train.write_failure = full
+train.main()
+"""
+        command = [sys.executable, "-c", program, "debug=fast", f"output={tmp_path / 'run'}"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 1
+        assert done.stderr.strip() == "hilbertvae-train: checkpoints/best.ckpt: No space left on device"
