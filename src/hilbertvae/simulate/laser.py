@@ -68,17 +68,22 @@ class RayCaster:
         is computed in float64.
         """
         distances = np.full(len(origins), np.inf)
-        if self._intersector is None or len(origins) == 0:
-            return distances
-        origins, directions = _lifted(origins), _lifted(directions)
-        triangle = self._intersector.intersects_first(origins, directions)
-        hit = np.flatnonzero(triangle >= 0)
-        normals = self._normals[triangle[hit]]
-        towards = self._corners[triangle[hit], 0] - origins[hit]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            reached = (normals * towards).sum(axis=1) / (normals * directions[hit]).sum(axis=1)
+        hit, _, _, reached = self._first(_lifted(origins), _lifted(directions))
         distances[hit] = np.where(np.isfinite(reached) & (reached >= 0), reached, np.inf)
         return distances
+
+    def _first(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Of rays (N, 3) those (M,) that meet a triangle, which (M,), normal times direction (M,), and metres (M,) to the triangle's plane."""
+        if self._intersector is None or len(origins) == 0:
+            return np.empty(0, int), np.empty(0, int), np.empty(0), np.empty(0)
+        triangle = self._intersector.intersects_first(origins, directions)
+        hit = np.flatnonzero(triangle >= 0)
+        triangle = triangle[hit]
+        normals = self._normals[triangle]
+        slope = np.einsum("ij,ij->i", normals, directions[hit])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            reached = np.einsum("ij,ij->i", normals, self._corners[triangle, 0] - origins[hit]) / slope
+        return hit, triangle, slope, reached
 
 
 def _lifted(vectors: np.ndarray) -> np.ndarray:

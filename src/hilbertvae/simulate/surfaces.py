@@ -60,15 +60,7 @@ class SurfaceCaster(RayCaster):
         """(N,) metres (inf where nothing is hit), (N,) surface, (N,) cosine of the angle to the surface's normal."""
         ranges, cosines = np.full(len(origins), np.inf), np.ones(len(origins))
         surface = np.zeros(len(origins), dtype=np.int8)
-        if self._intersector is None or len(origins) == 0:
-            return ranges, surface, cosines
-        triangle = self._intersector.intersects_first(origins, directions)
-        hit = np.flatnonzero(triangle >= 0)
-        triangle = triangle[hit]
-        normals = self._normals[triangle]
-        slope = np.einsum("ij,ij->i", normals, directions[hit])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            reached = np.einsum("ij,ij->i", normals, self._corners[triangle, 0] - origins[hit]) / slope
+        hit, triangle, slope, reached = self._first(origins, directions)
         ranges[hit] = np.where(np.isfinite(reached) & (reached > 0), reached, np.inf)
         surface[hit] = self._surface[triangle]
         cosines[hit] = np.abs(slope)
