@@ -1,3 +1,6 @@
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
 
 from hilbertvae.last_few import LastFew
@@ -19,3 +22,16 @@ def test_nothing_is_kept_of_what_can_t_be_made_and_none_is_a_thing_as_any():
         last.get("a", lambda: 1 / 0)
     assert len(last) == 0
     assert [last.get("b", lambda: made.append("b")) for _ in range(2)] == [None, None] and made == ["b"]
+
+
+def test_threads_that_ask_at_once_share_one():
+    last, made = LastFew(2), []
+
+    def make():
+        time.sleep(0.05)
+        made.append("a")
+        return ["a"]
+
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda _: last.get("a", make), range(4)))
+    assert made == ["a"] and all(each is found[0] for each in found)

@@ -1,11 +1,14 @@
-"""Settings of runs that take seconds."""
+"""Settings of runs that take seconds, and a mapper that takes its time."""
 
+import time
 from dataclasses import replace
 
 from hilbertvae.grids.training_grids import ClusteringSettings
+from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reconstruction.augmentation import AugmentationSettings
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.scoring.protocol import Protocol
+from hilbertvae.training.scoring import score
 from hilbertvae.training.settings import DataSettings, Settings, TrainerSettings
 from toy_rooms import tiny_grid
 
@@ -32,3 +35,22 @@ def tiny_settings(output, cache, data=None, **changes) -> Settings:
         ),
         **changes,
     )
+
+
+class LateMapper(NearestMapper):
+    """Is asked a while after it was fitted, so that whoever fits it anew meanwhile is told apart."""
+
+    def __init__(self, neighbours=1, seed=0):
+        super().__init__(neighbours)
+        self.seed = seed
+
+    def _fit(self, points, occupied, weight):
+        super()._fit(points, occupied, weight)
+        time.sleep(0.3)
+
+
+def scores_of_late(settings) -> dict:
+    """The scores of a `LateMapper` by `settings`."""
+    written = []
+    score(settings, {"late": LateMapper()}, None, lambda result, *_: written.append(result))
+    return written[0].scores

@@ -5,10 +5,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from functools import reduce
+from functools import cache, reduce
 
 import torch
 from joblib import Parallel, delayed
+from joblib.parallel import get_active_backend
 
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
@@ -31,8 +32,14 @@ Writer = Callable[[Result, Site, dict[str, Mapper]], None]
 
 def use_threads(settings: Settings) -> None:
     """`trainer.threads` for all that torch computes in this process."""
-    if settings.trainer.threads:
-        torch.set_num_threads(settings.trainer.threads)
+    at_first = _threads_at_first()
+    torch.set_num_threads(settings.trainer.threads or at_first)
+
+
+@cache
+def _threads_at_first() -> int:
+    """As many as torch takes by itself: those of the job before may be others."""
+    return torch.get_num_threads()
 
 
 def score(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconstructor | None, write: Writer | None) -> None:
@@ -100,7 +107,9 @@ def _check_calibration_sites(settings: Settings, card: dict) -> None:
 def _side_by_side(settings: Settings, mappers: dict[str, Mapper], reference: str) -> Result:
     """`evaluate_all` with some mappers and seeds at a time. A site is opened once in each process: to send it would take as long."""
     groups, seeds = alike(mappers), settings.evaluation.gap_seeds
-    parts = Parallel(n_jobs=settings.scoring_processes)(
+    # In a worker of a multirun joblib would take threads, which fit the same mapper to several seeds' points at once.
+    backend = "loky" if get_active_backend()[0].nesting_level else None
+    parts = Parallel(n_jobs=settings.scoring_processes, backend=backend)(
         delayed(_evaluate_some)(settings, reference, group, seed) for group in groups for seed in seeds
     )
     by_group = [reduce(Result.followed_by, parts[start : start + len(seeds)]) for start in range(0, len(parts), len(seeds))]
