@@ -154,3 +154,14 @@ def test_a_path_is_read_once_while_its_files_stay_as_they_are(tmp_path, monkeypa
     assert len(read) == 2
     SiteSource(reading=ReadingSettings(every=2)).scans(str(log))
     assert len(read) == 3
+
+
+def test_a_drive_is_read_again_once_scans_in_a_linked_folder_have_changed(tmp_path):
+    store, drive = tmp_path / "store", tmp_path / "drive"
+    store.mkdir()
+    drive.mkdir()
+    (drive / "velodyne").symlink_to(store)
+    (drive / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n")
+    for points in (50, 90):
+        np.full((points, 4), 3.0, dtype="<f4").tofile(store / "000000.bin")
+        assert len(SiteSource(3).scans(str(drive)).points) == points

@@ -64,17 +64,24 @@ def file_sha256(path: str | os.PathLike) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def folder_sha256(folder: str | os.PathLike) -> str:
-    """The sha256, in hex, of the names and hashes of all files below a folder, in linked folders too, each of these once; hidden files and
-    links to nothing don't count."""
-    folder, found = Path(folder), []
-    seen = {os.path.realpath(folder)}
-    for place, folders, names in os.walk(folder, followlinks=True):
+def files_at(path: str | os.PathLike) -> list[Path]:
+    """The file at a path, or all below a folder, sorted, in linked folders too, each of these once; hidden files and links to nothing
+    don't count. None of a path where nothing is."""
+    path, found = Path(path), []
+    if not path.is_dir():
+        return [path] if path.is_file() else []
+    seen = {os.path.realpath(path)}
+    for place, folders, names in os.walk(path, followlinks=True):
         real = {name: os.path.realpath(os.path.join(place, name)) for name in sorted(folders)}
         folders[:] = [name for name in real if real[name] not in seen]
         seen.update(real.values())
         found += [Path(place) / name for name in names if not name.startswith(".") and os.path.isfile(os.path.join(place, name))]
-    lines = (f"{path.relative_to(folder).as_posix()} {file_sha256(path)}\n" for path in sorted(found))
+    return sorted(found)
+
+
+def folder_sha256(folder: str | os.PathLike) -> str:
+    """The sha256, in hex, of the names and hashes of all files below a folder (`files_at`)."""
+    lines = (f"{path.relative_to(folder).as_posix()} {file_sha256(path)}\n" for path in files_at(folder))
     return hashlib.sha256("".join(lines).encode(errors="surrogateescape")).hexdigest()
 
 

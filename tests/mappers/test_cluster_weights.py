@@ -10,7 +10,7 @@ from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids.cluster_grids import bin_grids
 from hilbertvae.grids.kernel import FrameIndex, kernel
 from hilbertvae.mappers import cluster_weights
-from hilbertvae.mappers.cluster_weights import fit_cluster_weights, voted
+from hilbertvae.mappers.cluster_weights import fit_cluster_weights, hide_gaps, voted
 from hilbertvae.mappers.hilbert_map import HilbertMap
 
 
@@ -42,6 +42,15 @@ def test_cluster_weights_for_points_count_occupied_points_twice(room, monkeypatc
     assert set(counts[occupied]) == {share} and set(counts[~occupied]) == {1}
 
 
+def test_what_is_hidden_for_factors_does_not_lie_where_gaps_are_scored(room):
+    """A mapper's seed is that of the evaluation's gaps."""
+    cloud = gapped(room)
+    scored = random_gaps(cloud, 2.5, 0.1, seed=3).part(cloud.points) == OUTSIDE
+    shown, hidden = hide_gaps(cloud, 0.1, seed=3)
+    assert len(shown) + len(hidden) == len(cloud) and 0 < len(hidden) < len(shown)
+    assert set(map(tuple, hidden.points)) != set(map(tuple, cloud.points[~scored]))
+
+
 @pytest.mark.parametrize("level", [True, False])
 def test_factors_are_learned_from_what_was_hidden_alone(room, monkeypatch, level):
     """With all factors 1 what they are fitted to is the map's own logit, by grids that never saw a point of it."""
@@ -50,8 +59,8 @@ def test_factors_are_learned_from_what_was_hidden_alone(room, monkeypatch, level
     made.map_weights["voxels"]["level"] = level
     mapper = fit(HilbertMap(made, weights="cluster", ridge=7.0), cloud)
     ((values, _, offset, rank_weights, occupied, clusters, ridge, _),) = given
-    part = random_gaps(cloud, 2.5, 0.1, seed=0).part(cloud.points)
-    shown, hidden = cloud.select(part == OUTSIDE), voted(cloud.select(part != OUTSIDE), 0.1)
+    shown, hidden = hide_gaps(cloud, 0.1, seed=0)
+    hidden = voted(hidden, 0.1)
     grids = made.complete(bin_grids(shown, mapper.frames_, mapper.grid_), mapper.flips_).value
     holding = FrameIndex(mapper.frames_).holding(hidden.points, 5)
     unseen = np.zeros(len(hidden), bool), np.empty((0, FEATURES))

@@ -7,6 +7,7 @@ import joblib
 import numpy as np
 import pytest
 import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from training_toys import TRAINER, tiny_settings
 
 from toy_rooms import carmen_line, write_log
@@ -60,6 +61,12 @@ def count_steps(monkeypatch):
     original = ReconstructionModule.training_step
     monkeypatch.setattr(ReconstructionModule, "training_step", lambda self, *rest: steps.append(self.global_step) or original(self, *rest))
     return steps
+
+
+def logged_steps(settings) -> dict[str, list[int]]:
+    """As TensorBoard shows them."""
+    events = EventAccumulator(f"{settings.output}/tensorboard").Reload()
+    return {tag: [event.step for event in events.Scalars(tag)] for tag in events.Tags()["scalars"]}
 
 
 def assert_same(path, other):
@@ -130,6 +137,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(finished, tmp_path, monkeyp
     path = train(settings)
     assert steps == [4, 5, 6, 7]
     assert_same(path, finished[1])
+    assert logged_steps(settings) == logged_steps(finished[0])  # each once, though steps 4 and 5 were taken twice
 
 
 def test_an_interrupted_run_goes_on_from_its_last_epoch_not_from_its_best(finished, tmp_path, monkeypatch):

@@ -14,11 +14,17 @@ from hilbertvae.voxel_votes import voxel_index
 
 HIDDEN_GAP_M = 2.5
 """Diameter of the gaps that are hidden from the network while factors are fitted."""
+OWN = 1
+"""Beside a mapper's seed, what their places are drawn from."""
 
 
 def hide_gaps(cloud: Cloud, resolution_m: float, seed: int) -> tuple[Cloud, Cloud]:
-    """What of a cloud is outside of gaps drawn at random, and what they hide, on a lattice of `resolution_m`."""
-    part = random_gaps(cloud, HIDDEN_GAP_M, resolution_m, seed=seed).part(cloud.points)
+    """What of a cloud is outside of gaps drawn at random, and what they hide, on a lattice of `resolution_m`.
+
+    A mapper's seed is that of the gaps it is scored in: drawn from it alone, these would tend to lie where those do.
+    """
+    own = int(np.random.SeedSequence([seed, OWN]).generate_state(1)[0])
+    part = random_gaps(cloud, HIDDEN_GAP_M, resolution_m, seed=own).part(cloud.points)
     return cloud.select(part == OUTSIDE), cloud.select(part != OUTSIDE)
 
 

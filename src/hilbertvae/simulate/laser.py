@@ -73,7 +73,7 @@ class RayCaster:
         return distances
 
     def _first(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Of rays (N, 3) those (M,) that meet a triangle, which (M,), normal times direction (M,), and metres (M,) to the triangle's plane."""
+        """Of rays (N, 3) those (M,) that meet a triangle, which (M,), its normal times the direction (M,), and metres to its plane (M,)."""
         if self._intersector is None or len(origins) == 0:
             return np.empty(0, int), np.empty(0, int), np.empty(0), np.empty(0)
         triangle = self._intersector.intersects_first(origins, directions)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.files import path_sha256
+from hilbertvae.files import files_at, path_sha256
 from hilbertvae.reconstruction.training_card import stages
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.scans.sites import CATALOGUE
@@ -88,8 +88,7 @@ def place(reference: str) -> str:
 
 def _contents(path: Path) -> str | None:
     """The sha256 of what lies at a path; None of nothing, and of what is too large."""
-    files = [file for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file()]
-    return path_sha256(path) if 0 < sum(file.stat().st_size for file in files) < LARGEST_BYTES else None
+    return path_sha256(path) if 0 < sum(file.stat().st_size for file in files_at(path)) < LARGEST_BYTES else None
 
 
 def _number(reference: str) -> float:

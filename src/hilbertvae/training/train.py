@@ -109,7 +109,7 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
             max_epochs=settings.trainer.epochs,
             gradient_clip_val=settings.trainer.gradient_clip,
             plugins=[AtomicCheckpoints(), LightningEnvironment()],  # a SLURM job is one task, which starts its other processes itself
-            logger=TensorBoardLogger(output, name="", version="tensorboard", default_hp_metric=False),
+            logger=TensorBoardLogger(output, name="", version="tensorboard", default_hp_metric=False, purge_step=_steps_done(resume)),
             callbacks=callbacks,
             log_every_n_steps=min(10, settings.trainer.steps_per_epoch),
             num_sanity_val_steps=0,
@@ -137,6 +137,11 @@ def _precision(settings: Settings) -> str:
     convolved = convolutions(settings.network, settings.grid.cells)
     numbers = training_type(training_device(settings), settings.dimension, convolved)
     return "bf16-mixed" if numbers is torch.bfloat16 else "32-true"
+
+
+def _steps_done(resume: Path | None) -> int | None:
+    """How many steps a checkpoint has behind it. What was logged after it is taken again, and its curves would double back."""
+    return torch.load(resume, map_location="cpu", weights_only=True)["global_step"] if resume else None
 
 
 def _last_epoch(output: Path, settings: Settings) -> Path | None:
