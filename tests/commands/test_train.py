@@ -23,6 +23,7 @@ from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reports.result_json import read_result
+from hilbertvae.reports.run_lock import alone_in
 from hilbertvae.training.given_networks import give_networks
 from toy_rooms import carmen_line, tiny_reconstructor, write_log
 
@@ -279,6 +280,15 @@ class TestErrors:
         done = subprocess.run([*command, f"output={tmp_path / 'run'}"], capture_output=True, text=True, check=False)
         assert done.returncode == 2
         assert "hilbertvae-train: site 'atlantis'" in done.stderr and "Traceback" not in done.stderr
+        assert not (tmp_path / "run/result.json").exists()
+
+    def test_a_folder_in_which_another_run_is_at_work_is_refused_and_left_alone(self, tmp_path):
+        (tmp_path / "run").mkdir()
+        command = [sys.executable, "-m", "hilbertvae.train", "debug=fast", "mapper=[nearest]", f"output={tmp_path / 'run'}"]
+        with alone_in(tmp_path / "run", waits=False):
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 2 and "Traceback" not in done.stderr
+        assert done.stderr.strip().startswith("hilbertvae-train: output: another run is at work in ")
         assert not (tmp_path / "run/result.json").exists()
 
     @pytest.mark.skipif(os.name != "posix", reason="limits of a process")

@@ -25,6 +25,7 @@ from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.networks import NETWORKS
 from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reports.provenance import without_folders
+from hilbertvae.reports.run_lock import alone_in
 from hilbertvae.reports.run_state import (
     allow,
     clear,
@@ -192,7 +193,8 @@ def _application(config: DictConfig) -> None:
         if many and settings.trainer.devices > 1:
             # By this name Lightning starts the other processes; in a launcher's worker `__main__` is the launcher.
             sys.modules["__main__"].__spec__ = find_spec("hilbertvae.train")
-        code = (run_clustering if settings.task == "clustering" else run)(settings, again=not many)
+        with contextlib.nullcontext() if int(os.environ.get("LOCAL_RANK", 0)) else alone_in(output, waits=many):
+            code = (run_clustering if settings.task == "clustering" else run)(settings, again=not many)
     except KeyboardInterrupt as error:
         if many:
             raise

@@ -1,0 +1,71 @@
+"""One run at a time in a folder."""
+
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from hilbertvae.checks import InputError
+from hilbertvae.reports.run_lock import alone_in
+
+
+def test_a_second_run_is_refused_until_the_first_has_ended(tmp_path):
+    with alone_in(tmp_path, waits=False):
+        with pytest.raises(InputError, match=f"^output: another run is at work in {tmp_path}"), alone_in(tmp_path, waits=False):
+            raise AssertionError("not alone")
+        with alone_in(tmp_path.parent, waits=False):  # which is another run's folder
+            pass
+    with alone_in(tmp_path, waits=False):
+        pass
+
+
+def test_a_failed_run_leaves_its_folder_free(tmp_path):
+    with pytest.raises(ZeroDivisionError), alone_in(tmp_path, waits=False):
+        raise ZeroDivisionError
+    with alone_in(tmp_path, waits=False):
+        pass
+
+
+def test_a_job_waits_for_the_end_of_another(tmp_path, capsys):
+    ended = []
+
+    def job():
+        with alone_in(tmp_path, waits=True):
+            ended.append("second")
+
+    with alone_in(tmp_path, waits=False):
+        waiting = threading.Thread(target=job)
+        waiting.start()
+        time.sleep(0.3)
+        assert ended == [] and "another run is at work there, and is waited for" in capsys.readouterr().out
+        ended.append("first")
+    waiting.join(10)
+    assert ended == ["first", "second"]
+
+
+def test_a_run_that_was_killed_has_its_folder_no_more(tmp_path):
+    program = f"""
+import time
+from hilbertvae.reports.run_lock import alone_in
+with alone_in({str(tmp_path)!r}, waits=False):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(InputError), alone_in(tmp_path, waits=False):
+            pass
+        holder.kill()
+    with alone_in(tmp_path, waits=False):
+        pass
+
+
+def test_where_files_can_t_be_locked_runs_go_on(tmp_path, monkeypatch):
+    def none(*_, **__):
+        raise NotImplementedError("FileSystem does not appear to support flock")
+
+    monkeypatch.setattr("hilbertvae.reports.run_lock.FileLock.acquire", none)
+    with alone_in(tmp_path, waits=False):
+        pass
