@@ -236,22 +236,22 @@ class TestASweepSurvives:
         assert done.returncode == 2 and "output: expected none with -m" in done.stderr and "hydra.sweep.dir" in done.stderr
         assert not list(tmp_path.glob("**/result.json")) and not list(tmp_path.glob("**/sweep.json"))
 
-    def test_the_name_that_is_proposed_for_folders_tells_jobs_apart(self, tmp_path):
-        words = [
-            *TRAIN,
-            "-m",
-            "debug=fast",
-            "start=random,quick_means",
-            "mapper=[all-occupied]",
-            "evaluation.occlusion=false",
-            "pictures=false",
-        ]
+    @pytest.mark.parametrize(
+        ("varied", "name", "expected"),
+        [
+            (["start=random,quick_means"], "start-${hydra:runtime.choices.start}", {"start-random", "start-quick_means"}),
+            (["mapper=[all-occupied],[all-occupied,nearest]"], "job-${hydra:job.num}", {"job-0", "job-1"}),
+            (["data.test=[simulated:900002],[simulated:900003]", "flips=1,2"], "flips-${flips}_job-${hydra:job.num}",
+             {"flips-1_job-0", "flips-2_job-1", "flips-1_job-2", "flips-2_job-3"}),
+        ],
+    )  # fmt: skip
+    def test_the_name_that_is_proposed_for_folders_tells_jobs_apart(self, tmp_path, varied, name, expected):
+        words = [*TRAIN, "-m", "debug=fast", "mapper=[all-occupied]", "evaluation.occlusion=false", "pictures=false", *varied]
         refused = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
         named = re.search(r"add '(hydra.sweep.subdir=.*)'", refused.stderr)[1]
-        assert named == "hydra.sweep.subdir=start-${hydra:runtime.choices.start}"
+        assert named == f"hydra.sweep.subdir={name}"
         subprocess.run([*words, named], cwd=tmp_path, capture_output=True, check=True)
-        folders = {path.parent.name for path in tmp_path.glob("outputs/debug/run/*/result.json")}
-        assert folders == {"start-random", "start-quick_means"}
+        assert {path.parent.name for path in tmp_path.glob("outputs/debug/run/*/result.json")} == expected
 
     def test_stopped_half_way_a_job_has_no_result_of_other_settings(self, tmp_path, monkeypatch):
         settings = settings_of("debug=fast", "mapper=[nearest]")

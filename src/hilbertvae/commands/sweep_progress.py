@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import json
+import re
 import sys
 import time
 from collections import Counter
@@ -24,6 +25,8 @@ from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.run_state import is_trained, refusal
 from hilbertvae.tables.clustering import NAME as CLUSTERING
 from hilbertvae.tables.sweep import SWEEP
+
+NAME_OF_VALUE = re.compile(r"[\w.+-]{1,40}")
 
 
 class Job(NamedTuple):
@@ -112,16 +115,19 @@ def job_overrides(config: DictConfig) -> list[list[str]]:
 
 
 def telling_subdir(config: DictConfig) -> str:
-    """An override that names each job's folder after what varies from job to job."""
+    """An override that names each job's folder after what varies from job to job, and by its number where that makes no name of a folder:
+    a list of mappers, or a path."""
     values: dict[str, set[str]] = {}
     for words in job_overrides(config):
         for key, _, value in (word.lstrip("+").partition("=") for word in words):
             values.setdefault(key, set()).add(value)
+    varied = {key: found for key, found in values.items() if len(found) > 1}
     parts = []
-    for key in (key for key, found in values.items() if len(found) > 1):
+    for key in (key for key, found in varied.items() if all(map(NAME_OF_VALUE.fullmatch, found))):
         value = f"hydra:runtime.choices.{key}" if key in config.hydra.runtime.choices else key
         parts.append(f"{key.replace('/', '.').rpartition('.')[2]}-${{{value}}}")
-    return f"'hydra.sweep.subdir={'_'.join(parts)}'"
+    numbered = [] if parts and len(parts) == len(varied) else ["job-${hydra:job.num}"]
+    return f"'hydra.sweep.subdir={'_'.join(parts + numbered)}'"
 
 
 def what_failed(folder: Path, scored: bool) -> str | None:
