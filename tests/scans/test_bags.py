@@ -9,7 +9,8 @@ from bag_scene import CLOUDS, LASER_ON_BASE, LIDAR_ON_BASE, MAP_ODOM, RANGES, ba
 from bag_writers import KINDS, bag, moved, turned
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.bags import is_bag, read_bag
+from hilbertvae.scans.bag_files import is_bag
+from hilbertvae.scans.bags import read_bag
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 
 pytest.importorskip("rosbags")

@@ -65,7 +65,7 @@ def test_a_count_that_no_laser_has_needs_no_guess(tmp_path, recwarn):
 
 
 @pytest.mark.parametrize("first_kind", ["FLASER", "ROBOTLASER1"])
-def test_a_sweep_that_is_logged_as_both_counts_once(tmp_path, first_kind):
+def test_a_sweep_that_is_logged_as_both_counts_once(tmp_path, first_kind, recwarn):
     lines = []
     for number in range(3):
         pair = [carmen_line(np.full(180, 2.0), [number, 0, 0]), robot_line(np.full(180, 2.0), [number, 5, 0])]
@@ -73,6 +73,13 @@ def test_a_sweep_that_is_logged_as_both_counts_once(tmp_path, first_kind):
     scans = read_carmen(write_log(tmp_path / "a.log", lines))
     np.testing.assert_array_equal(np.unique(scans.scan), range(3))
     assert set(scans.origins[:, 1]) == {0.0 if first_kind == "FLASER" else 5.0}
+    assert not recwarn.list
+
+
+def test_sweeps_of_another_kind_are_not_passed_over_without_a_word(tmp_path):
+    lines = [carmen_line(np.full(180, 2.0), [0, 0, 0])] + [robot_line(np.full(180, 2.0), [number, 0, 0]) for number in range(5)]
+    with pytest.warns(UserWarning, match="a.log: read are its 1 FLASER messages alone, and not 5 ROBOTLASER1 ones"):
+        assert set(read_carmen(write_log(tmp_path / "a.log", lines)).scan) == {0}
 
 
 @pytest.mark.parametrize("line", [carmen_line([], [0, 0, 0]), robot_line([], [0, 0, 0])])

@@ -140,3 +140,23 @@ def test_no_sample_that_was_set():
     track.add(0, xyz((0, 0, 0)), Unset())
     with pytest.raises(InputError, match="odometry: expected a place in metres and a unit quaternion"):
         track.at(0)
+
+
+def test_few_samples_that_are_no_motion_are_left_out():
+    track = PoseTrack("odometry")
+    for stamp in (10, 20, 30):
+        track.add(stamp, xyz((stamp, 0, 0)), xyzw(Rotation.identity()))
+    track.add(24, xyz((np.nan, 0, 0)), xyzw(Rotation.identity()))
+    track.add(26, xyz((0, 0, 0)), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=0.5))
+    with pytest.warns(UserWarning, match=r"odometry: 2 of 5 are left out; expected a place in metres and a unit quaternion, got \[nan"):
+        assert track.at(25)[0, 3] == 25
+    track.add(28, xyz((0, 0, np.inf)), xyzw(Rotation.identity()))
+    with pytest.raises(InputError, match="odometry: expected a place in metres"):  # of six only half are left
+        track.at(25)
+
+
+@pytest.mark.parametrize(("z", "w"), [(0.71, 0.71), (0.0, 1.002)])
+def test_quaternions_with_few_digits_are_made_unit_ones_as_tf2_does(z, w):
+    track = PoseTrack("odometry")
+    track.add(0, xyz((1, 2, 3)), SimpleNamespace(x=0.0, y=0.0, z=z, w=w))
+    np.testing.assert_allclose(track.at(0)[:3, :3], Rotation.from_quat([0, 0, z, w]).as_matrix(), rtol=0, atol=1e-12)

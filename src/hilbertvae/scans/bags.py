@@ -15,6 +15,7 @@ import numpy as np
 from hilbertvae.checks import InputError, extra_module
 from hilbertvae.progress import track
 from hilbertvae.scans.bag_chunks import bounded_unpacking
+from hilbertvae.scans.bag_files import check_databases
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
 from hilbertvae.scans.bag_poses import FIXED_FRAMES, ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
 from hilbertvae.scans.beam_lengths import beam_lengths, without_zeros
@@ -29,19 +30,6 @@ from hilbertvae.scans.scan_collector import ScanCollector
 
 FIXED = {*FIXED_FRAMES, "world", "earth", "camera_init"}
 """Frames that stand still, the last one LOAM's."""
-BAG_FILES = (".bag", ".mcap", ".db3")
-METADATA = "metadata.yaml"
-
-
-def is_bag(path: str | os.PathLike) -> bool:
-    """Whether a path is a bag by its name, or a folder by what is in it."""
-    path = Path(path)
-    if path.suffix.lower() in BAG_FILES:
-        return True
-    if not (path / METADATA).is_file():
-        return False
-    # Other folders of scans have a file of that name, too.
-    return b"rosbag2" in (path / METADATA).read_bytes() or any(file.suffix.lower() in BAG_FILES for file in path.iterdir())
 
 
 def read_bag(
@@ -81,7 +69,7 @@ def read_bag(
                 raise InputError(f"reading.{name}: {chosen} of {path} are planar laser scans, where this has no meaning; leave it unset")
         finder = bag.poses(fixed_frame) if poses is None else None
         beam_origins, odometry = find_beam_origins(beam_origin), KissOdometry()
-        found, seen, tilted, untimed = ScanCollector(min_range_m, max_range_m), 0, 0, 0
+        found, seen, tilted, untimed, unturned = ScanCollector(min_range_m, max_range_m), 0, 0, 0, 0
         frames, poses_seen = set(), set()
         # Odometry goes from scan to scan, so it sees those too that are left out.
         for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
@@ -110,11 +98,12 @@ def read_bag(
             poses_seen.add(tuple(np.round(pose[:3], 3).flat))
             if finder and times is not None and np.ptp(times):
                 back = deskewed_along(cloud, start, stamp_ns + times, partial(finder.at, message.header.frame_id), pose)
+                unturned += back is None
                 cloud, start = back or (cloud, start)
             found.add(cloud, start, kept, pose, DIMENSIONS[bag.types[chosen]])
     found.warn(path)
     odometry.warn(path)
-    _warn(path, chosen, finder, len(found), seen, tilted, untimed)
+    _warn(path, chosen, finder, len(found), seen, tilted, untimed, unturned)
     if finder:
         _warn_of_fixed_clouds(path, chosen, frames, len(poses_seen), len(found), bag)
     return found.whole(path, seen, f" on {chosen}")
@@ -133,7 +122,7 @@ def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, 
         )
 
 
-def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int, tilted: int, untimed: int) -> None:
+def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int, tilted: int, untimed: int, unturned: int) -> None:
     """One warning for what of the poses is doubtful; an `InputError` where no scan has one."""
     if finder and seen and not found:
         raise InputError(
@@ -148,6 +137,8 @@ def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int
             f"the times of points in {untimed} of {seen} scans make no sweep of {SWEEP_S[0]:g} to {SWEEP_S[1]:g} s around its message's; "
             "these are taken as they are"
         )
+    if unturned:
+        doubts.append(f"transforms don't cover the whole sweep of {unturned} of {seen} scans; these are taken as if measured at once")
     assumed = sorted(finder.assumed) if finder else []
     doubts += [f"no transform says where {name} is on {finder.base_frame or 'the robot'}; taken to be its origin" for name in assumed]
     if doubts:
@@ -156,6 +147,7 @@ def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int
 
 @contextmanager
 def _opened(path: Path) -> Iterator[_Bag]:
+    check_databases(path)
     is_ros1 = path.suffix.lower() == ".bag" and not path.is_dir()
     module = extra_module("bags", "rosbags.rosbag1" if is_ros1 else "rosbags.rosbag2")
     with module.Reader(path) as reader:

@@ -26,7 +26,8 @@ def read_carmen(
 ) -> Scans:
     """The returns of a log's front laser, in the order of lines (timestamps are useless in some logs).
 
-    Read are the messages, `FLASER` or `ROBOTLASER1`, of which the first is: some loggers write each sweep as both. A range at or above
+    Read are the messages, `FLASER` or `ROBOTLASER1`, of which the first is: some loggers write each sweep as both; where these can't be
+    the same sweeps, since they are not as many, there is a warning. A range at or above
     `max_range_m`, or above what the message says the laser measures, no-return codes among them, is an error or a miss, as is one at or
     below `min_range_m`: it is skipped and carves nothing. Shorter codes can't be told from returns; ranges that end at one that many
     beams have give a warning. `every` keeps each so many-th scan. step_deg: between beams, unless as the message says, or as many scans
@@ -37,11 +38,14 @@ def read_carmen(
     if step_deg is not None:
         check_positive(step_deg, "reading.beam_step_deg")
     points, origins, scan, beam = [], [], [], []
-    kept = seen = 0
+    kept = seen = passed = 0
     unit, clipped, strange, chosen_kind = UnitCheck(max_range_m), ClippedCheck(max_range_m), set(), None
     for number, line in _lines(path):
         kind = line.partition(b" ")[0]
-        if kind not in MESSAGES or kind != (chosen_kind := chosen_kind or kind):
+        if kind not in MESSAGES:
+            continue
+        if kind != (chosen_kind := chosen_kind or kind):
+            passed += 1
             continue
         seen += 1
         if (seen - 1) % every:
@@ -64,6 +68,9 @@ def read_carmen(
         raise InputError(f"{path}: expected a CARMEN log with FLASER or ROBOTLASER1 lines, found none")
     unit.warn(path)
     clipped.warn(path)
+    if passed and abs(passed - seen) > 1:  # else each sweep is there as both
+        chosen, other = (name.decode() for name in (chosen_kind, next(name for name in MESSAGES if name != chosen_kind)))
+        warnings.warn(f"{path}: read are its {seen} {chosen} messages alone, and not {passed} {other} ones", stacklevel=3)
     if strange:
         counts = ", ".join(f"{count} beams taken to be {beam_step_deg(count):g} degrees apart" for count in sorted(strange)[:3])
         warnings.warn(f"{path}: {counts}, which no known laser has; set reading.beam_step_deg", stacklevel=3)

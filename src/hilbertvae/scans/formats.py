@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.bags import BAG_FILES, METADATA, is_bag, read_bag
+from hilbertvae.scans.bag_files import BAG_FILES, METADATA, is_bag
+from hilbertvae.scans.bags import read_bag
 from hilbertvae.scans.carmen import read_carmen
 from hilbertvae.scans.kitti import is_kitti, read_kitti
 from hilbertvae.scans.point_files import READERS, read_point_file

@@ -9,13 +9,15 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.frame_chains import are_connected, find_chain
-from hilbertvae.scans.poses import FARTHEST_M, RIGID
+from hilbertvae.scans.poses import FARTHEST_M
 from hilbertvae.scans.quaternions import rotation_matrices, slerp
 
 LONGEST_HOLE_S = 10.0
 """Between two samples that are farther apart there is no pose, as in tf2, which remembers so much: meanwhile a robot may have been carried.
 Of what comes more rarely they may be `MANY_STEPS` times as far apart as half of its samples are."""
 MANY_STEPS = 5
+UNIT = 1e-2
+"""How far the square of a quaternion's length may be from 1, as in tf2: some are written by hand, with two digits."""
 
 
 class PoseTrack:
@@ -38,8 +40,8 @@ class PoseTrack:
         """(4, 4) at a time: interpolated, places on a line and turns at a constant rate. None before the first sample, after the last, and
         in a hole (`LONGEST_HOLE_S`).
 
-        A single sample holds at all times. Raises `InputError` where a sample is no rigid motion; those whose quaternion was never set, as
-        drivers send them before they know, are left out with a warning.
+        A single sample holds at all times. Samples that are no rigid motion are left out with a warning, as are those whose quaternion was
+        never set, as drivers send them before they know; where half and more are none, that is an `InputError`.
         """
         stamps, rows, longest_ns = self._samples()
         if len(stamps) == 1:
@@ -65,13 +67,15 @@ class PoseTrack:
                 warnings.warn(f"{self.name}: {unset.sum()} of {len(rows)} have a quaternion of zeros and are left out", stacklevel=3)
                 stamps, rows = stamps[~unset], rows[~unset]
             with np.errstate(over="ignore", invalid="ignore"):
-                length = np.sqrt(np.square(rows[:, 3:]).sum(axis=1, keepdims=True))
-                sound = (np.abs(length[:, 0] - 1) <= RIGID) & (np.abs(rows[:, :3]) <= FARTHEST_M).all(axis=1)
+                squared = np.square(rows[:, 3:]).sum(axis=1)
+                sound = (np.abs(squared - 1) <= UNIT) & (np.abs(rows[:, :3]) <= FARTHEST_M).all(axis=1)
             if not sound.all():
-                raise InputError(
-                    f"{self.name}: expected a place in metres and a unit quaternion, got {rows[np.flatnonzero(~sound)[0]].tolist()}"
-                )
-            rows[:, 3:] /= length
+                wrong = f"a place in metres and a unit quaternion, got {rows[np.flatnonzero(~sound)[0]].tolist()}"
+                if 2 * sound.sum() <= len(rows):
+                    raise InputError(f"{self.name}: expected {wrong}")
+                warnings.warn(f"{self.name}: {(~sound).sum()} of {len(rows)} are left out; expected {wrong}", stacklevel=3)
+                stamps, rows = stamps[sound], rows[sound]
+            rows[:, 3:] /= np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
             usual_ns = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
             self._sorted = stamps, rows, max(LONGEST_HOLE_S * 1e9, MANY_STEPS * usual_ns)
         return self._sorted

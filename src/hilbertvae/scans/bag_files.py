@@ -1,0 +1,40 @@
+"""Which paths are ROS bags, and which of them can't be read whole."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+from pathlib import Path
+
+from hilbertvae.checks import InputError
+
+BAG_FILES = (".bag", ".mcap", ".db3")
+METADATA = "metadata.yaml"
+
+
+def is_bag(path: str | os.PathLike) -> bool:
+    """Whether a path is a bag by its name, or a folder by what is in it."""
+    path = Path(path)
+    if path.suffix.lower() in BAG_FILES:
+        return True
+    if not (path / METADATA).is_file():
+        return False
+    # Other folders of scans have a file of that name, too.
+    return b"rosbag2" in (path / METADATA).read_bytes() or any(file.suffix.lower() in BAG_FILES for file in path.iterdir())
+
+
+def check_databases(path: Path) -> None:
+    """An `InputError` for a .db3 of which rosbags would read another file, or a part: it hands its path to SQLite as a URI, unescaped,
+    and doesn't look at what a recorder that was cut off has left in the log beside it."""
+    for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+        if file.suffix.lower() != ".db3":
+            continue
+        if strange := re.search(r"[?#]|%[0-9a-fA-F]{2}", str(file)):
+            raise InputError(f"{file}: expected a path without ? and # and % before two digits, found {strange[0]}; rename or move the bag")
+        log = file.with_name(f"{file.name}-wal")
+        if log.is_file() and log.stat().st_size:
+            merge = f"sqlite3 {shlex.quote(str(file))} 'PRAGMA wal_checkpoint(TRUNCATE)'"
+            raise InputError(
+                f"{file}: its last messages are in {log.name} still, as a recorder that was cut off leaves them; merge: {merge}"
+            )
