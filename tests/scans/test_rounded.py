@@ -2,9 +2,13 @@ import warnings
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
-from hilbertvae.scans.rounded import warn_if_rounded
+from hilbertvae.scans.rounded import digits_kept, warn_if_rounded
+from toy_rooms import carmen_line, write_log
 
 
 @pytest.mark.parametrize(
@@ -20,6 +24,13 @@ from hilbertvae.scans.rounded import warn_if_rounded
         (np.float32([[1e5, 1.1]]), ""),
         (np.full((3, 2), np.nan), ""),
         (np.append(np.tile([[500.25, 1.5]], (200, 1)), [[500.3, 1.5]], axis=0), ""),
+        (np.array([[512346.0, 5.37654e6], [512347.0, 412.305]]), "at most 6 digits, which keep them to 10 m"),
+        (np.array([[512346.1, 5376544.0], [512347.2, np.nan]]), "at most 7 digits, which keep them to 1 m"),
+        (np.array([[512346.12, 5376544.0], [512347.2, 0.0]]), ""),
+        (np.array([[12345.6, 0.1], [12345.7, 0.2]]), "at most 6 digits, which keep them to 0.1 m"),
+        (np.array([[123.456, 0.1], [-1.23456, 0.0]]), ""),  # six digits of a cloud in its sensor's frame are enough
+        (np.array([[5.4e6, 1.1], [5.3e6, 1e-320]]), ""),
+        (np.array([[1e300, 5e-324], [-1e-300, np.inf]]), ""),
     ],
 )
 def test_what_was_kept_in_few_bits_is_told(points, told):
@@ -36,3 +47,30 @@ def test_origins_are_looked_at_too(tmp_path):
     np.savez(tmp_path / "a.npz", points=points, origins=np.full(2, 5.4e6 + 0.3, np.float32))
     with pytest.warns(UserWarning, match="a.npz: its origins, up to 5400000 m, are in single precision"):
         read_scans_path(str(tmp_path / "a.npz"), ReadingSettings())
+
+
+@given(
+    places=arrays(float, (20, 2), elements=st.floats(-1e7, 1e7, allow_subnormal=False)),
+    digits=st.integers(1, 9),
+)
+def test_digits_are_those_that_places_are_written_with(places, digits):
+    """By numpy at once; here by writing and reading them one by one."""
+    written = np.array([[float(f"{number:.{digits - 1}e}") for number in row] for row in places])
+    finite = written[written != 0]
+    expected = (
+        next((few for few in range(1, 8) if all(float(f"{number:.{few - 1}e}") == number for number in finite)), 0) if len(finite) else 0
+    )
+    step_m, found = digits_kept(written)
+    assert found == expected
+    if expected:
+        assert step_m == pytest.approx(10.0 ** (int(f"{np.abs(finite).max():.16e}".split("e")[1]) + 1 - expected))
+
+
+def test_a_text_cloud_and_a_log_in_few_digits_are_told(tmp_path):
+    points = np.random.default_rng(0).uniform(size=(50, 3)) * 8 + [512345.6, 5376543.2, 412.3]
+    (tmp_path / "a.xyz").write_text("".join(f"{x:g} {y:g} {z:g}\n" for x, y, z in points))
+    with pytest.warns(UserWarning, match="a.xyz: its coordinates, up to 5376550 m, have at most 6 digits, which keep them to 10 m"):
+        read_scans_path(str(tmp_path / "a.xyz"), ReadingSettings(sensor_origin_m=[512346.0, 5376544.0, 413.0]))
+    log = write_log(tmp_path / "a.log", [carmen_line(np.full(180, 2.0), [float(f"{x:g}"), float(f"{y:g}"), 0.1]) for x, y, _ in points])
+    with pytest.warns(UserWarning, match="a.log: its places, up to 5376550 m, have at most 6 digits, which keep them to 10 m"):
+        read_scans_path(str(log), ReadingSettings())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import warnings
 
@@ -13,12 +12,14 @@ ROUNDED_M = 0.025
 PRECISIONS = ((np.float16, "half"), (np.float32, "single"))
 LOOKED_AT = 64
 """Numbers that settle nearly always that others have more digits."""
+BEFORE = "take an offset away before they are made so"
 DIGITS = (6, 7)
 """As `std::cout` and `%g` write numbers unless told otherwise, and as KITTI's `%e`."""
 
 
 class RoundedCheck:
-    """Sees coordinates, scan by scan, and warns of those that were kept in so few bits, so far off (UTM), that walls are moved by it."""
+    """Sees coordinates, scan by scan, and warns of those that were kept in so few bits or digits, so far off (UTM), that walls are moved
+    by it."""
 
     def __init__(self, what: str = "coordinates"):
         self._what, self._worst = what, (0.0, 0.0, "")
@@ -30,14 +31,16 @@ class RoundedCheck:
             with np.errstate(over="ignore", invalid="ignore"):
                 step_m = float(np.spacing(kind(far_m)))
             if step_m > self._worst[0] and step_m > ROUNDED_M and _is_kept_in(points, kind, step_m):
-                self._worst = step_m, far_m, name
+                self._worst = step_m, far_m, f"are in {name} precision, which keeps them to {step_m:.2g} m; {BEFORE}, or keep float64"
+        step_m, digits = digits_kept(points)
+        if step_m > max(self._worst[0], ROUNDED_M) and digits in DIGITS:
+            self._worst = step_m, far_m, f"have at most {digits} digits, which keep them to {step_m:.2g} m; {BEFORE}, or write more"
 
     def warn(self, path: str | os.PathLike) -> None:
         """One `UserWarning` about the coarsest of what was seen."""
-        step_m, far_m, name = self._worst
+        step_m, far_m, said = self._worst
         if step_m:
-            text = f"{path}: its {self._what}, up to {far_m:.7g} m, are in {name} precision, which keeps them to {step_m:.2g} m"
-            warnings.warn(f"{text}; take an offset away before they are made so, or keep float64", stacklevel=4)
+            warnings.warn(f"{path}: its {self._what}, up to {far_m:.7g} m, {said}", stacklevel=4)
 
 
 def _is_kept_in(points: np.ndarray, kind: type, step_m: float) -> bool:
@@ -55,13 +58,29 @@ def warn_if_rounded(points: np.ndarray, path: str | os.PathLike, what: str = "co
     check.warn(path)
 
 
-def few_digits(places: np.ndarray) -> str:
-    """What to say of places (S, 3) so far off (UTM), in so few digits, that walls are moved by it; else nothing."""
-    far_m = np.abs(places).max()
-    highest = math.floor(math.log10(far_m)) if far_m else -math.inf
+def digits_kept(places: np.ndarray) -> tuple[float, int]:
+    """The metres of the last digit that the largest of the finite places has where all are written with few, and how many these are; zeros
+    where some have more than `DIGITS`."""
+    finite = places[np.isfinite(places) & (places != 0)]
+    if not len(finite):
+        return 0.0, 0
+    highest = int(np.floor(np.log10(np.abs(finite).max())))
     for digits in range(1, max(DIGITS) + 1):
-        step_m = 10.0 ** (highest + 1 - digits)
-        if step_m > ROUNDED_M and all(float(f"{number:.{digits - 1}e}") == number for number in places.flat):
-            said = f"its places, up to {far_m:.7g} m, have at most {digits} digits, which keep them to {step_m:g} m"
-            return said if digits in DIGITS else ""  # fewer are of places that somebody thought of
-    return ""
+        if all(_has_digits(part, digits) for part in (finite[:LOOKED_AT], finite)):
+            return 10.0 ** (highest + 1 - digits), digits
+    return 0.0, 0
+
+
+def _has_digits(numbers: np.ndarray, digits: int) -> bool:
+    """Whether none of the numbers, none of them 0, has more significant digits than these."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = numbers * 10.0 ** (digits - 1 - np.floor(np.log10(np.abs(numbers))))
+        return bool((np.abs(scaled - np.round(scaled)) <= 1e-14 * np.abs(scaled)).all())
+
+
+def few_digits(places: np.ndarray) -> str:
+    """What to say of places (S, D) so far off (UTM), in so few digits, that walls are moved by it; else nothing."""
+    step_m, digits = digits_kept(places)
+    if step_m <= ROUNDED_M or digits not in DIGITS:  # fewer are of places that somebody thought of
+        return ""
+    return f"its places, up to {np.abs(places).max():.7g} m, have at most {digits} digits, which keep them to {step_m:g} m"
