@@ -7,6 +7,7 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
+from functools import partial
 from pathlib import Path
 
 from hilbertvae.checks import InputError, check_cell_m, check_whole
@@ -56,7 +57,8 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     source = _read(settings)
     exports = suiting_exports(settings.exports, source.dimension)
     beside = source.files if isinstance(source, GivenMap) else ()
-    check_output(output, Path(settings.scans), exports, by_name=not settings.output, beside=beside)
+    check = partial(check_output, output, Path(settings.scans), exports, by_name=not settings.output, beside=beside)
+    check()
     weights = settings.weights or f"{source.dimension}d"
     chosen = {name: getattr(settings, name) for name in ("fill", "adapt_steps", "calibration")}
     mapper = (mapper or load_mapper(weights)).set_params(**chosen, device=settings.device)
@@ -95,6 +97,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         del mapper
         about = {"weights": Path(weights).name, **chosen}
         files = _write(settings, exports, cells, points, about, folder, clock)
+        check()  # again: another map may have come there meanwhile
         replace_map(folder, output, files)
     return output
 

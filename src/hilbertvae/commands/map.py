@@ -44,7 +44,8 @@ def run(settings: MapSettings) -> None:
     except InputError as error:
         raise InputError(_alone(str(error))) from error
     summary = json.loads((output / SUMMARY).read_text(encoding="utf-8"))
-    print(report(summary, output).encode("utf-8", "replace").decode())  # a folder may have a name of another encoding
+    told = sys.stdout.encoding or "utf-8"
+    print(report(summary, output).encode(told, "replace").decode(told))  # a folder may have a name of another encoding
 
 
 def report(summary: dict, output: Path) -> str:

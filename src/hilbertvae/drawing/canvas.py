@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 
 import numpy as np
 from matplotlib import patheffects
@@ -44,7 +45,9 @@ def save_picture(figure: Figure, path: str | os.PathLike) -> np.ndarray:
 def pixels(figure: Figure) -> np.ndarray:
     """(height, width, 3) uint8, as TensorBoard takes it."""
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # a line for each letter of a name that has others than the font's
+        canvas.draw()
     return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
 
