@@ -40,3 +40,16 @@ def test_spare_room_is_not_pickled():
     grown = GrowingArray(np.zeros(1000))
     grown.append(np.zeros(1))
     assert len(pickle.dumps(grown)) < 1001 * 8 + 500
+
+
+def test_what_can_t_be_written_to_is_copied_first():
+    mapped = np.zeros(3)
+    mapped.flags.writeable = False
+    grown = GrowingArray(mapped)
+    grown.own()
+    grown.rows[1] = 5
+    assert grown.rows.tolist() == [0, 5, 0] and mapped.tolist() == [0, 0, 0]
+    written = np.zeros(3)
+    grown = GrowingArray(written)
+    grown.own()
+    assert grown.rows.base is written or grown.rows is written

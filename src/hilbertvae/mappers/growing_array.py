@@ -22,6 +22,11 @@ class GrowingArray:
         """All rows, without a copy: what is written to them stays."""
         return self._buffer[: self._count]
 
+    def own(self) -> None:
+        """Copy rows that can't be written to, as joblib maps those of its workers from a file."""
+        if not self._buffer.flags.writeable:
+            self._buffer = np.array(self.rows)
+
     def append(self, rows: np.ndarray) -> None:
         """Add `rows (K, ...)` behind the others."""
         count = self._count + len(rows)
@@ -36,3 +41,11 @@ class GrowingArray:
 
     def __getstate__(self) -> dict:
         return {"_buffer": self.rows, "_count": self._count}
+
+
+def own_rows(*holders: object) -> None:
+    """`GrowingArray.own` of all arrays that objects hold, alone or in lists."""
+    for value in (value for holder in holders for value in vars(holder).values()):
+        for rows in value if isinstance(value, list) else [value]:
+            if isinstance(rows, GrowingArray):
+                rows.own()

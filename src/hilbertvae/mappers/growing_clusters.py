@@ -20,7 +20,7 @@ from hilbertvae.grids.aligned_grid import count_code, vote
 from hilbertvae.grids.cluster_grids import GridSettings, frames_of
 from hilbertvae.grids.frame import Frames, FrameSettings
 from hilbertvae.mappers.evidence import Evidence
-from hilbertvae.mappers.growing_array import GrowingArray
+from hilbertvae.mappers.growing_array import GrowingArray, own_rows
 from hilbertvae.reconstruction.reconstructor import Completion
 
 ON_VOXELS = FrameSettings(centre="seed", rotation="none", scale="fixed")
@@ -83,6 +83,7 @@ class GrowingClusters:
 
     def add(self, cloud: Cloud) -> None:
         """Add a scan to the evidence, and find the clusters that it touches and makes, and their frames."""
+        own_rows(self, self.evidence, self.evidence.bricks)
         self.is_whole = False
         try:
             rows, *before = self.evidence.add(cloud.points, cloud.occupied, cloud.weight)
@@ -112,6 +113,7 @@ class GrowingClusters:
         stale = np.flatnonzero(self.stale if wanted is None else self.stale & wanted)
         if not len(stale):
             return
+        own_rows(self, self.evidence, self.evidence.bricks)
         frames = Frames(self._centre.rows[stale], self._rotation.rows[stale], self._scale.rows[stale])
         for part, completed in completed_parts(lambda boxes: self.evidence.cloud(*boxes.boxes()), frames):
             self._value.rows[stale[part]] = completed.value
