@@ -253,12 +253,18 @@ def test_a_name_that_the_terminal_can_t_show(room, tmp_path, monkeypatch):
     assert said.buffer.getvalue().startswith(b"??.npz: 2D")
 
 
-def test_other_scans_of_the_same_name(room, tmp_path, monkeypatch, capsys):
-    """A folder that is named after its scans is theirs."""
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture
+def room_of_two_days(room, tmp_path):
+    """Scans of one name in two folders."""
     for day in ("monday", "tuesday"):
         (tmp_path / day).mkdir()
-    first, second = (npz_of(room, tmp_path / day / "room.npz") for day in ("monday", "tuesday"))
+    return [npz_of(room, tmp_path / day / "room.npz") for day in ("monday", "tuesday")]
+
+
+def test_other_scans_of_the_same_name(room_of_two_days, tmp_path, monkeypatch, capsys):
+    """A folder that is named after its scans is theirs."""
+    first, second = room_of_two_days
+    monkeypatch.chdir(tmp_path)
     words = ["fill=off", "exports=[npz]", "resolution_m=0.2"]
     assert map_command.main([f"scans={first}", *words]) == 0
     before = (tmp_path / "outputs/maps/room.npz/map.npz").stat().st_mtime_ns
@@ -269,11 +275,9 @@ def test_other_scans_of_the_same_name(room, tmp_path, monkeypatch, capsys):
     assert map_command.main([f"scans={second}", "output=outputs/maps/room.npz", *words]) == 0
 
 
-def test_other_scans_of_the_same_name_that_were_mapped_meanwhile(room, tmp_path, monkeypatch, capsys):
+def test_other_scans_of_the_same_name_that_were_mapped_meanwhile(room_of_two_days, tmp_path, monkeypatch, capsys):
+    first, second = room_of_two_days
     monkeypatch.chdir(tmp_path)
-    for day in ("monday", "tuesday"):
-        (tmp_path / day).mkdir()
-    first, second = (npz_of(room, tmp_path / day / "room.npz") for day in ("monday", "tuesday"))
     words = ["fill=off", "exports=[npz]", "resolution_m=0.2"]
 
     def meanwhile(*written):
