@@ -1,7 +1,6 @@
 """The command on every configuration that is shipped, with `debug=fast`, and its errors."""
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -23,7 +22,6 @@ from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reports.result_json import read_result
-from hilbertvae.reports.run_lock import alone_in
 from hilbertvae.training.given_networks import give_networks
 from toy_rooms import carmen_line, tiny_reconstructor, write_log
 
@@ -281,40 +279,3 @@ class TestErrors:
         assert done.returncode == 2
         assert "hilbertvae-train: site 'atlantis'" in done.stderr and "Traceback" not in done.stderr
         assert not (tmp_path / "run/result.json").exists()
-
-    def test_a_folder_in_which_another_run_is_at_work_is_refused_and_left_alone(self, tmp_path):
-        (tmp_path / "run").mkdir()
-        command = [sys.executable, "-m", "hilbertvae.train", "debug=fast", "mapper=[nearest]", f"output={tmp_path / 'run'}"]
-        with alone_in(tmp_path / "run", waits=False):
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 2 and "Traceback" not in done.stderr
-        assert done.stderr.strip().startswith("hilbertvae-train: output: another run is at work in ")
-        assert not (tmp_path / "run/result.json").exists()
-
-    @pytest.mark.skipif(os.name != "posix", reason="limits of a process")
-    def test_a_file_that_can_t_be_written_is_named_in_one_line(self, tmp_path):
-        def few_bytes():
-            import resource
-
-            resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # as a full disk, but for what it is called
-
-        command = [sys.executable, "-m", "hilbertvae.train", "debug=fast", "mapper=[]", f"data.cache={tmp_path / 'cache'}"]
-        done = subprocess.run([*command, f"output={tmp_path / 'run'}"], capture_output=True, text=True, check=False, preexec_fn=few_bytes)
-        assert done.returncode == 1 and "Traceback" not in done.stderr
-        last = done.stderr.strip().splitlines()[-1]
-        assert last.startswith(f"hilbertvae-train: {tmp_path / 'cache'}{os.sep}grids-") and ".npy: " in last
-        assert list((tmp_path / "cache").iterdir()) == []
-
-    def test_a_full_disk_is_told_in_one_line_even_where_the_failure_itself_finds_no_room(self, tmp_path):
-        """Lightning makes a checkpoint in the system's temporary folder and moves it: named is where it could not go."""
-        program = """
-from hilbertvae.commands import train
-def full(*_, **__):
-    raise OSError(28, "No space left on device", "/elsewhere/tmp1", None, "checkpoints/best.ckpt")
-train.run = train.write_failure = full
-train.main()
-"""
-        command = [sys.executable, "-c", program, "debug=fast", f"output={tmp_path / 'run'}"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        assert done.returncode == 1
-        assert done.stderr.strip() == "hilbertvae-train: checkpoints/best.ckpt: No space left on device"

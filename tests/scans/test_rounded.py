@@ -66,6 +66,12 @@ def test_digits_are_those_that_places_are_written_with(places, digits):
         assert step_m == pytest.approx(10.0 ** (int(f"{np.abs(finite).max():.16e}".split("e")[1]) + 1 - expected))
 
 
+def test_places_in_half_metres_are_of_no_few_bits(tmp_path, recwarn):
+    """A robot that went on in steps of half a metre, 70 m far."""
+    log = write_log(tmp_path / "a.log", [carmen_line(np.full(180, 2.0), [0.5 * number, 0.25, 0.1]) for number in range(140)])
+    assert len(read_scans_path(str(log), ReadingSettings())) and not recwarn.list
+
+
 def test_a_text_cloud_and_a_log_in_few_digits_are_told(tmp_path):
     points = np.random.default_rng(0).uniform(size=(50, 3)) * 8 + [512345.6, 5376543.2, 412.3]
     (tmp_path / "a.xyz").write_text("".join(f"{x:g} {y:g} {z:g}\n" for x, y, z in points))

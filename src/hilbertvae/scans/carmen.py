@@ -13,7 +13,7 @@ from hilbertvae.checks import InputError, check_positive
 from hilbertvae.scans.beam_lengths import ClippedCheck, UnitCheck
 from hilbertvae.scans.carmen_messages import MESSAGES, beam_step_deg
 from hilbertvae.scans.file_points import check_reading
-from hilbertvae.scans.rounded import few_digits
+from hilbertvae.scans.rounded import warn_of_few_digits
 from hilbertvae.scans.scan import Scans
 
 MAX_LINE = 1 << 20
@@ -73,8 +73,7 @@ def read_carmen(
     if passed and abs(passed - seen) > 1:  # else each sweep is there as both
         chosen, other = (name.decode() for name in (chosen_kind, next(name for name in MESSAGES if name != chosen_kind)))
         warnings.warn(f"{path}: read are its {seen} {chosen} messages alone, and not {passed} {other} ones", stacklevel=3)
-    if text := few_digits(np.array(places)):
-        warnings.warn(f"{path}: {text}; write more digits, or take an offset away first", stacklevel=3)
+    warn_of_few_digits(np.array(places), path)
     if strange:
         counts = ", ".join(f"{count} beams taken to be {beam_step_deg(count):g} degrees apart" for count in sorted(strange)[:3])
         warnings.warn(f"{path}: {counts}, which no known laser has; set reading.beam_step_deg", stacklevel=3)

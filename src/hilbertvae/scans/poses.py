@@ -14,7 +14,7 @@ import numpy as np
 from hilbertvae.checks import InputError
 from hilbertvae.scans.file_points import reading
 from hilbertvae.scans.quaternions import rotation_matrices
-from hilbertvae.scans.rounded import few_digits
+from hilbertvae.scans.rounded import warn_of_few_digits
 
 RIGID = 1e-3
 """How far R R^T may be from 1, and a quaternion's length from 1: files are written with 6 digits and fewer."""
@@ -81,8 +81,7 @@ def read_timed_poses(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | 
     if turned := _upside_down(np.array(quaternions)):
         said = f"in {turned} of {len(poses)} poses scans lie upside down; are the quaternions qw first? qx qy qz qw are expected"
         warnings.warn(f"{path}: {said}", stacklevel=4)
-    if text := few_digits(np.array(poses)[:, :, 3]):
-        warnings.warn(f"{path}: {text}; write more digits, or take an offset away first", stacklevel=4)
+    warn_of_few_digits(np.array(poses)[:, :, 3], path)
     return np.array(poses), np.array(times) if times else None
 
 

@@ -12,7 +12,6 @@ ROUNDED_M = 0.025
 PRECISIONS = ((np.float16, "half"), (np.float32, "single"))
 LOOKED_AT = 64
 """Numbers that settle nearly always that others have more digits."""
-BEFORE = "take an offset away before they are made so"
 DIGITS = (6, 7)
 """As `std::cout` and `%g` write numbers unless told otherwise, and as KITTI's `%e`."""
 
@@ -31,10 +30,11 @@ class RoundedCheck:
             with np.errstate(over="ignore", invalid="ignore"):
                 step_m = float(np.spacing(kind(far_m)))
             if step_m > self._worst[0] and step_m > ROUNDED_M and _is_kept_in(points, kind, step_m):
-                self._worst = step_m, far_m, f"are in {name} precision, which keeps them to {step_m:.2g} m; {BEFORE}, or keep float64"
-        step_m, digits = digits_kept(points)
-        if step_m > max(self._worst[0], ROUNDED_M) and digits in DIGITS:
-            self._worst = step_m, far_m, f"have at most {digits} digits, which keep them to {step_m:.2g} m; {BEFORE}, or write more"
+                said = f"are in {name} precision, which keeps them to {step_m:.2g} m; take an offset away before they are made so"
+                self._worst = step_m, far_m, f"{said}, or keep float64"
+        step_m, said = _few_digits(points)
+        if step_m > self._worst[0]:
+            self._worst = step_m, far_m, said
 
     def warn(self, path: str | os.PathLike) -> None:
         """One `UserWarning` about the coarsest of what was seen."""
@@ -58,6 +58,22 @@ def warn_if_rounded(points: np.ndarray, path: str | os.PathLike, what: str = "co
     check.warn(path)
 
 
+def warn_of_few_digits(places: np.ndarray, path: str | os.PathLike) -> None:
+    """One `UserWarning` about finite places (S, D), of a text, in so few digits, so far off, that walls are moved by it. Whether they are
+    of few bits is not asked: some few places, each half a metre, are."""
+    step_m, said = _few_digits(places)
+    if step_m:
+        warnings.warn(f"{path}: its places, up to {np.abs(places).max():.7g} m, {said}", stacklevel=4)
+
+
+def _few_digits(places: np.ndarray) -> tuple[float, str]:
+    """To how many metres `DIGITS` keep places that have no more, and what to say of it; 0 where that moves no wall."""
+    step_m, digits = digits_kept(places)
+    if step_m <= ROUNDED_M or digits not in DIGITS:  # fewer are of places that somebody thought of
+        return 0.0, ""
+    return step_m, f"have at most {digits} digits, which keep them to {step_m:g} m; write more digits, or take an offset away first"
+
+
 def digits_kept(places: np.ndarray) -> tuple[float, int]:
     """The metres of the last digit that the largest of the finite places has where all are written with few, and how many these are; zeros
     where some have more than `DIGITS`."""
@@ -76,11 +92,3 @@ def _has_digits(numbers: np.ndarray, digits: int) -> bool:
     with np.errstate(over="ignore", invalid="ignore"):
         scaled = numbers * 10.0 ** (digits - 1 - np.floor(np.log10(np.abs(numbers))))
         return bool((np.abs(scaled - np.round(scaled)) <= 1e-14 * np.abs(scaled)).all())
-
-
-def few_digits(places: np.ndarray) -> str:
-    """What to say of places (S, D) so far off (UTM), in so few digits, that walls are moved by it; else nothing."""
-    step_m, digits = digits_kept(places)
-    if step_m <= ROUNDED_M or digits not in DIGITS:  # fewer are of places that somebody thought of
-        return ""
-    return f"its places, up to {np.abs(places).max():.7g} m, have at most {digits} digits, which keep them to {step_m:g} m"

@@ -1,0 +1,49 @@
+"""A folder that a run can't write to: another run's, or one without room."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from hilbertvae.reports.run_lock import alone_in
+
+
+def test_a_folder_in_which_another_run_is_at_work_is_refused_and_left_alone(tmp_path):
+    (tmp_path / "run").mkdir()
+    command = [sys.executable, "-m", "hilbertvae.train", "debug=fast", "mapper=[nearest]", f"output={tmp_path / 'run'}"]
+    with alone_in(tmp_path / "run", waits=False):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    assert done.stderr.strip().startswith("hilbertvae-train: output: another run is at work in ")
+    assert not (tmp_path / "run/result.json").exists()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits of a process")
+def test_a_file_that_can_t_be_written_is_named_in_one_line(tmp_path):
+    def few_bytes():
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # as a full disk, but for what it is called
+
+    command = [sys.executable, "-m", "hilbertvae.train", "debug=fast", "mapper=[]", f"data.cache={tmp_path / 'cache'}"]
+    done = subprocess.run([*command, f"output={tmp_path / 'run'}"], capture_output=True, text=True, check=False, preexec_fn=few_bytes)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    last = done.stderr.strip().splitlines()[-1]
+    assert last.startswith(f"hilbertvae-train: {tmp_path / 'cache'}{os.sep}grids-") and ".npy: " in last
+    assert list((tmp_path / "cache").iterdir()) == []
+
+
+def test_a_full_disk_is_told_in_one_line_even_where_the_failure_itself_finds_no_room(tmp_path):
+    """Lightning makes a checkpoint in the system's temporary folder and moves it: named is where it could not go."""
+    program = """
+from hilbertvae.commands import train
+def full(*_, **__):
+    raise OSError(28, "No space left on device", "/elsewhere/tmp1", None, "checkpoints/best.ckpt")
+train.run = train.write_failure = full
+train.main()
+"""
+    command = [sys.executable, "-c", program, "debug=fast", f"output={tmp_path / 'run'}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.strip() == "hilbertvae-train: checkpoints/best.ckpt: No space left on device"
