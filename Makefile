@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: install run run-3d test clean
+.PHONY: install run run-3d test fuzz clean
 .DEFAULT_GOAL := run
 
 # Containers often tell Python to keep no compiled files; then each process would compile torch and all the rest anew, for most of its start.
@@ -29,6 +29,11 @@ test: $(READY)  ## The whole suite, lint and the one-way flow of imports
 	$(BIN)/ruff check src tests benchmarks
 	$(BIN)/lint-imports
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal --durations 30 --durations-min 5  # one thread in each worker: two torch processes with two each fight
+
+ROUNDS ?= 5
+
+fuzz: $(READY)  ## Tests of laws and of damaged files, on examples drawn anew in each of ROUNDS
+	for round in $$(seq $(ROUNDS)); do OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal -m hypothesis --hypothesis-profile fuzz || exit 1; done
 
 clean:
 	rm -rf outputs/run outputs/streets outputs/cache

@@ -50,7 +50,7 @@ def sound_bags(tmp_path_factory):
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "packed"])
-@settings(max_examples=60, derandomize=True, suppress_health_check=[HealthCheck.differing_executors])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.differing_executors])
 @given(changes=mutations, cut=st.just(1.0) | st.floats(0, 1), ends=st.booleans())
 def test_changed_bytes_raise_nothing_but_input_errors(sound_bags, kind, changes, cut, ends):
     path, content = sound_bags(kind)
@@ -62,7 +62,7 @@ def test_changed_bytes_raise_nothing_but_input_errors(sound_bags, kind, changes,
     read_or_refuse(path)
 
 
-@settings(max_examples=40, derandomize=True, suppress_health_check=[HealthCheck.differing_executors])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.differing_executors])
 @given(changes=mutations)
 def test_changed_metadata_raises_nothing_but_input_errors(sound_bags, changes):
     path, content = sound_bags("sqlite")

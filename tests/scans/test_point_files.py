@@ -116,7 +116,7 @@ def read_or_refuse(path):
 
 
 @pytest.mark.parametrize("name", sorted(WRITERS.keys() - APART))
-@settings(max_examples=150, derandomize=True, suppress_health_check=[HealthCheck.differing_executors])
+@settings(max_examples=150, suppress_health_check=[HealthCheck.differing_executors])
 @given(changes=mutations, cut=st.just(1.0) | st.floats(0, 1), headed=st.booleans())
 def test_changed_bytes_raise_nothing_but_input_errors(tmp_path_factory, name, changes, cut, headed):
     path = tmp_path_factory.getbasetemp() / f"changed-{name}"
@@ -126,7 +126,7 @@ def test_changed_bytes_raise_nothing_but_input_errors(tmp_path_factory, name, ch
 
 # Fewer: each sound header starts a process.
 @pytest.mark.parametrize("name", sorted(APART))
-@settings(max_examples=15, derandomize=True, suppress_health_check=[HealthCheck.differing_executors])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.differing_executors])
 @given(changes=mutations, cut=st.just(1.0) | st.floats(0, 1), headed=st.booleans())
 def test_changed_bytes_end_no_interpreter(tmp_path_factory, name, changes, cut, headed):
     path = tmp_path_factory.getbasetemp() / f"changed-{name}"

@@ -143,7 +143,7 @@ def test_missing_poses(tmp_path):
         read_poses(tmp_path / "poses.txt")
 
 
-@settings(max_examples=200, derandomize=True, suppress_health_check=[HealthCheck.differing_executors])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.differing_executors])
 @given(content=st.binary(max_size=80) | st.text("0123456789.e-+ \nnainf#", max_size=120).map(str.encode))
 def test_foreign_bytes_raise_nothing_but_input_errors(tmp_path_factory, content):
     path = tmp_path_factory.getbasetemp() / "poses.txt"

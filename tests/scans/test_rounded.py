@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
-from hilbertvae.scans.rounded import digits_kept, warn_if_rounded
+from hilbertvae.scans.rounded import LEFT_OVER_M, digits_kept, warn_if_rounded
 from toy_rooms import carmen_line, write_log
 
 
@@ -31,6 +31,7 @@ from toy_rooms import carmen_line, write_log
         (np.array([[123.456, 0.1], [-1.23456, 0.0]]), ""),  # six digits of a cloud in its sensor's frame are enough
         (np.array([[5.4e6, 1.1], [5.3e6, 1e-320]]), ""),
         (np.array([[1e300, 5e-324], [-1e-300, np.inf]]), ""),
+        (np.array([[512346.0, 5.37654e6], [2.2e-308, 412.305]]), "at most 6 digits, which keep them to 10 m"),  # a zero, nearly
     ],
 )
 def test_what_was_kept_in_few_bits_is_told(points, told):
@@ -56,14 +57,14 @@ def test_origins_are_looked_at_too(tmp_path):
 def test_digits_are_those_that_places_are_written_with(places, digits):
     """By numpy at once; here by writing and reading them one by one."""
     written = np.array([[float(f"{number:.{digits - 1}e}") for number in row] for row in places])
-    finite = written[written != 0]
+    finite = written[np.abs(written) >= LEFT_OVER_M]
     expected = (
         next((few for few in range(1, 8) if all(float(f"{number:.{few - 1}e}") == number for number in finite)), 0) if len(finite) else 0
     )
     step_m, found = digits_kept(written)
     assert found == expected
     if expected:
-        assert step_m == pytest.approx(10.0 ** (int(f"{np.abs(finite).max():.16e}".split("e")[1]) + 1 - expected))
+        assert step_m == pytest.approx(10.0 ** (int(f"{np.abs(finite).max():.6e}".split("e")[1]) + 1 - expected))
 
 
 def test_places_in_half_metres_are_of_no_few_bits(tmp_path, recwarn):

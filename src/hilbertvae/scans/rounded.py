@@ -14,6 +14,8 @@ LOOKED_AT = 64
 """Numbers that settle nearly always that others have more digits."""
 DIGITS = (6, 7)
 """As `std::cout` and `%g` write numbers unless told otherwise, and as KITTI's `%e`."""
+LEFT_OVER_M = 1e-200
+"""Less is what arithmetic left of a zero: no place, and too small for a power of ten to bring its digits before the point."""
 
 
 class RoundedCheck:
@@ -77,7 +79,7 @@ def _few_digits(places: np.ndarray) -> tuple[float, str]:
 def digits_kept(places: np.ndarray) -> tuple[float, int]:
     """The metres of the last digit that the largest of the finite places has where all are written with few, and how many these are; zeros
     where some have more than `DIGITS`."""
-    finite = places[np.isfinite(places) & (places != 0)]
+    finite = places[np.isfinite(places) & (np.abs(places) >= LEFT_OVER_M)]
     if not len(finite):
         return 0.0, 0
     highest = int(np.floor(np.log10(np.abs(finite).max())))
@@ -88,7 +90,6 @@ def digits_kept(places: np.ndarray) -> tuple[float, int]:
 
 
 def _has_digits(numbers: np.ndarray, digits: int) -> bool:
-    """Whether none of the numbers, none of them 0, has more significant digits than these."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        scaled = numbers * 10.0 ** (digits - 1 - np.floor(np.log10(np.abs(numbers))))
-        return bool((np.abs(scaled - np.round(scaled)) <= 1e-14 * np.abs(scaled)).all())
+    """Whether none of the numbers, each of `LEFT_OVER_M` or more, has more significant digits than these."""
+    scaled = numbers * 10.0 ** (digits - 1 - np.floor(np.log10(np.abs(numbers))))
+    return bool((np.abs(scaled - np.round(scaled)) <= 1e-14 * np.abs(scaled)).all())
