@@ -10,7 +10,7 @@ from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.site import Site
 from toy_rooms import box_room, square_room
 
-# Machines are noisy: no deadlines. The suite tries the same examples each time, so that it tells of the code alone; `make fuzz` tries others.
+# Machines are noisy: no deadlines. The suite tries the same examples each time, and so tells of the code alone; `make fuzz` tries others.
 settings.register_profile("suite", deadline=None, derandomize=True)
 settings.register_profile("fuzz", deadline=None)
 settings.load_profile("suite")

@@ -16,9 +16,9 @@ SECONDS = {"fit": [1.0, 3.0], "query_per_million": [0.5, 0.5]}
 
 
 def scores_of(values, **others):
-    """Every metric the same in all readings and regions: `values`, one per gap seed, of 100 samples. others: values of a metric in gaps
-    alone."""
-    every = {metric: list(values) for metric in METRICS} | {"count": [100.0] * len(values)}
+    """Every metric the same in all readings and regions: `values`, one per gap seed, of 100 samples, half of them occupied. others: values
+    of a metric in gaps alone."""
+    every = {metric: list(values) for metric in METRICS} | {"count": [100.0] * len(values), "base_rate": [0.5] * len(values)}
     found = {reading: {region: {metric: list(each) for metric, each in every.items()} for region in REGIONS} for reading in READINGS}
     for reading in READINGS:
         found[reading]["gaps"] |= {metric: list(given) for metric, given in others.items()}

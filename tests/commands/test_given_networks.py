@@ -7,7 +7,10 @@ from hilbertvae.checks import InputError
 from hilbertvae.commands.overrides import refuse_ignored
 from hilbertvae.commands.train import CONF, _identity, run, to_settings
 from hilbertvae.files import file_sha256
+from hilbertvae.mappers.weights import occupied_weight_of
+from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.result_json import read_result
+from hilbertvae.training.learned_as import KEY
 from toy_rooms import tiny_reconstructor
 
 
@@ -39,6 +42,21 @@ def test_the_result_says_what_grid_and_network_were_scored(tmp_path, network):
     assert about["config"]["grid"]["cells"] == given.grid.cells != fast(tmp_path).grid.cells
     assert about["config"]["network"]["channels"] == given.network_settings.channels
     assert about["data"]["checkpoint"] == file_sha256(network)
+
+
+def test_the_result_says_of_a_network_what_its_card_says_and_not_what_nobody_read(tmp_path):
+    """Two recipes scored with the same words would else be one in a table."""
+    given = tiny_reconstructor()
+    given.card = {"recipe_hash": "a", "seed": 5, "trained_on": ["hall"], KEY: {"calibration_seeds": [7]}}
+    given.map_weights = Reconstructor.load("2d").map_weights
+    given.save(tmp_path / "given.safetensors")
+    assert run(fast(tmp_path, f"checkpoint={tmp_path / 'given.safetensors'}", "mapper=[cvae-hm]")) == 0
+    about = read_result(tmp_path / "run/result.json")[1]
+    assert about["card"] == given.card and about["seeds"] == {"training": 5, "gaps": [0], "calibration": [7]}
+    config = about["config"]
+    assert not {"augmentation", "clustering", "trained"} & {*config} and not {"train", "simulated"} & {*config["data"]}
+    assert {*config["trainer"]} == {"threads", "accelerator"}
+    assert config["calibration_occupied_weight"] == occupied_weight_of(given.map_weights)
 
 
 def test_a_training_s_folder_is_not_scored_into_with_another_network(tmp_path, network):

@@ -1,8 +1,12 @@
 import json
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from hilbertvae.scoring.result import Result
+from hilbertvae.scoring.metrics import score
+from hilbertvae.scoring.result import Result, asked
 
 
 def result(**changes):
@@ -38,3 +42,36 @@ def test_the_contract_at_top_level():
     assert plain["scores"]["hm"]["points"]["gaps"]["f1"] == [0.1, 0.2]
     assert json.loads(json.dumps(plain)) == plain
     assert result(failed={"hm": "ValueError: no"}).plain()["status"] == "failed"
+
+
+OCCUPIED = np.arange(20) < 5
+SURE, SILENT, WRONG = np.where(OCCUPIED, 0.9, 0.1), np.full(20, 0.2), np.where(OCCUPIED, 0.1, 0.9)
+
+
+def metrics_of(*seeds):
+    found = [score(occupied, probability) for occupied, probability in seeds]
+    return {name: [one[name] for one in found] for name in found[0]}
+
+
+def test_a_seed_in_which_nothing_was_called_occupied_has_no_precision():
+    found = metrics_of((OCCUPIED, SURE), (OCCUPIED, SILENT), (OCCUPIED, WRONG), (OCCUPIED, np.full(20, 0.5)))
+    assert asked(found, "precision") == [1.0, 0.0]  # what was called wrongly counts
+    assert asked(found, "recall") == [1.0, 0.0, 0.0, 0.0] and asked(found, "f1") == [1.0, 0.0, 0.0, 0.0]
+    assert asked(metrics_of((OCCUPIED, SILENT), (OCCUPIED, SILENT)), "precision") == [0.0, 0.0]
+
+
+def test_a_seed_whose_region_is_all_free_or_all_occupied_ranks_nothing():
+    free, full = np.zeros(20, bool), np.ones(20, bool)
+    found = metrics_of((OCCUPIED, SURE), (free, SILENT), (full, WRONG))
+    assert asked(found, "auc") == [1.0] and asked(found, "nll") == found["nll"]
+    assert asked(found, "best_f1") == [1.0, 1.0] and asked(found, "recall") == [1.0, *found["recall"][2:]]
+
+
+@given(st.lists(st.tuples(st.booleans(), st.sampled_from([0.1, 0.5, 0.9])), min_size=1, max_size=40))
+def test_whether_anything_was_called_follows_from_the_shares(cells):
+    """Found from what is kept of a seed; here by counting. Where all that was called, or freed, was wrong, shares can't tell."""
+    occupied, probability = map(np.array, zip(*cells, strict=True))
+    called, right_free = probability > 0.6, (probability <= 0.4) & ~occupied
+    kept = asked(metrics_of((occupied, probability), (OCCUPIED, SURE)), "precision")
+    if called.any() or right_free.any() or not (probability <= 0.4).any():
+        assert len(kept) == 1 + called.any()

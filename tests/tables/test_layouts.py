@@ -147,6 +147,15 @@ def test_where_the_map_of_one_run_failed_no_other_stands_in_for_it(tmp_path):
     assert rows["lone"]["gaps_auc_mean"] == rows["lone"]["gaps_auc_difference_mean"] == "" and rows["lone"]["gaps_voxels_auc_mean"] != ""
 
 
+def test_n_and_spread_are_of_the_trainings_that_were_scored(tmp_path):
+    for seed in (0, 1, 2):
+        put(tmp_path, f"default-seed{seed}", {"cvae-hm": [0.8, 0.7]})
+        put(tmp_path, f"other-seed{seed}", {"cvae-hm": [0.6, 0.5]} if seed == 0 else {}, failed={} if seed == 0 else {"cvae-hm": "no"})
+    row = by(table(read_page(tmp_path, "ablation")), "case")["other"]
+    assert (row["n"], row["training_seeds"]) == ("1×2", "1") and row["gaps_voxels_auc_worse"] == "2 of 2"
+    assert float(row["gaps_voxels_auc_sd"]) == pytest.approx(statistics.stdev([0.6, 0.5]))  # of gap seeds, as of any single training
+
+
 @pytest.mark.parametrize("key", ["calibration_occupied_weight", "validation_gap_m"])
 def test_ablation_names_switches_of_the_calibration(tmp_path, key):
     put(tmp_path, "default-seed0", {"cvae-hm": [0.7, 0.8]}, config={key: 2.0})

@@ -38,3 +38,21 @@ def test_where_it_ran_and_settings_of_another_version_make_no_other_row(tmp_path
     there = {"trainer": {"epochs": 1, "threads": 2, "accelerator": "gpu"}, "data": {"simulated": 30, "cache": "there"}, "flips": None}
     there["mapper"] = {"cvae-hm": {"flips": 4, "device": "auto"}}
     assert [*rows(tmp_path, here, there)["a"]] == [0, 1]
+
+
+@pytest.mark.parametrize("key", ["recipe_hash", "calibrated_on", "learned_as"])
+def test_networks_that_were_trained_by_other_recipes_are_no_row(tmp_path, key):
+    """Where a run is given its network, how that was trained is no setting of the run."""
+    for seed, more in ((0, {}), (1, {key: ["another"]})):
+        card = {"recipe_hash": "a", "calibrated_on": ["hall"], "learned_as": {"calibration_seeds": [100]}, "epoch": seed} | more
+        about = {"seeds": {"training": seed}, "card": card}
+        put(tmp_path, f"a-seed{seed}", {"nearest": [0.1, 0.2]}, config={"checkpoint": "a.safetensors"}, about=about)
+    with pytest.raises(InputError, match=rf"a-seed1/result.json: card.{key}: \['another'\], but "):
+        grouped(read_sweep(tmp_path, "table1").runs, lambda run: "a")
+
+
+def test_cards_of_one_recipe_and_those_that_say_nothing_of_it_are_a_row(tmp_path):
+    for seed, card in enumerate(({"recipe_hash": "a", "epoch": 3}, {"recipe_hash": "a", "epoch": 4}, {"epoch": 5})):
+        about = {"seeds": {"training": seed}, "card": card}
+        put(tmp_path, f"a-seed{seed}", {"nearest": [0.1, 0.2]}, config={"checkpoint": "a.safetensors"}, about=about)
+    assert [*grouped(read_sweep(tmp_path, "table1").runs, lambda run: "a")["a"]] == [0, 1, 2]

@@ -27,7 +27,7 @@ from hilbertvae.training.grids_datamodule import GridsDataModule  # noqa: E402
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback  # noqa: E402
 from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
 from hilbertvae.training.train import _precision, train  # noqa: E402
-from hilbertvae.training.training_hash import training_hash  # noqa: E402
+from hilbertvae.training.training_hash import recipe_hash, training_hash  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -267,6 +267,17 @@ def test_the_training_hash_sees_what_changes_a_network_and_not_where_it_lies():
     assert training_hash(elsewhere) == training_hash(settings)
     for change in ({"seed": 1}, {"trainer": replace(TRAINER, epochs=3)}, {"grid": replace(settings.grid, cells=32)}, {"resolution_m": 0.2}):
         assert training_hash(replace(settings, **change)) != training_hash(settings)
+
+
+def test_the_hash_of_a_recipe_sees_all_of_that_but_the_seed_and_threads(finished):
+    settings = tiny_settings("run", "cache")
+    first = recipe_hash(settings, None)
+    assert recipe_hash(replace(settings, seed=1, trainer=replace(TRAINER, threads=7)), None) == first
+    assert recipe_hash(replace(settings, trainer=replace(TRAINER, learning_rate=1e-5)), None) != first
+    start = replace(settings, trainer=replace(TRAINER, initial=str(finished[1])))
+    ones = [recipe_hash(start, card) for card in ({"recipe_hash": "a"}, {"recipe_hash": "b"}, {})]
+    assert len({first, *ones}) == 4  # of networks that start from one of another recipe
+    assert Reconstructor.load(finished[1]).card["recipe_hash"] == recipe_hash(finished[0], None)
 
 
 def test_the_hash_of_a_training_sees_what_a_path_holds(tmp_path):

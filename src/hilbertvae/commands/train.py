@@ -96,6 +96,7 @@ def run(settings: Settings, again: bool = True) -> int:
                 return 0
     # Late: a sweep that has nothing to do waits for none of it, and only a training for Lightning.
     from hilbertvae.commands.build import build_mappers
+    from hilbertvae.commands.scored_network import config_without_training, of_network, seeds_of
     from hilbertvae.reconstruction.reconstructor import Reconstructor
     from hilbertvae.reports.report import Report
     from hilbertvae.training.given_networks import load_named, needs_training
@@ -117,15 +118,12 @@ def run(settings: Settings, again: bool = True) -> int:
         raise InputError(f"output: {settings.output} holds the training of another network than `checkpoint`; choose another `name`")
     if not again:  # late: a job that is refused leaves what was there
         forget(settings.output)
-    config, identity = asdict(settings), _identity(settings)
+    config, identity = asdict(settings) if training else config_without_training(settings), _identity(settings)
     named = named_networks(settings)
     if not scored and not training and len({*named.values()}) == 1:  # whose boxes those of raw grids are, too
         scored = next(mapper.reconstructor for name, mapper in mappers.items() if f"mapper.{name}.reconstructor" in named)
-    if scored:  # what was scored, not what another network would have had
-        parts = {"network": scored.network_settings, "grid": scored.grid, "likelihood": scored.likelihood}
-        config |= {name: asdict(part) for name, part in parts.items()}
-    trained_with = scored.card.get("seed", settings.seed) if scored else settings.seed
-    seeds = {"training": trained_with, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
+    if scored:
+        config |= of_network(scored)
 
     def others():
         for site, role in sites.items():
@@ -134,8 +132,9 @@ def run(settings: Settings, again: bool = True) -> int:
                     yield open_site(site, settings.resolution_m, settings.source()), role
 
     own = {without_folders(site): found for site, found in own_sites(sites).items()}
-    hashes = site_hashes(list(sites)) | own | _given(settings)
-    write = Report(settings.output, config, identity, seeds, hashes, others, settings.pictures)
+    hashes = site_hashes([site for site, role in sites.items() if training or role != "train"]) | own | _given(settings)
+    card = scored.card if scored else {}
+    write = Report(settings.output, config, identity, seeds_of(settings, scored), hashes, others, settings.pictures, card)
     if other_scoring:
         clear(settings.output)
     if training:

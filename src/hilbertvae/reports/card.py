@@ -112,7 +112,8 @@ def _made(results: list[Path]) -> str:
         commit = (about.get("git") or {}).get("commit", "")[:7]
         said.append(f"`{' '.join(about['command'])}` at commit {commit} ({about['site']}, gap seeds {about['gap_seeds']})")
     return (
-        "Shares in percent, mean±sd over gap seeds of 2.5 m; precision and recall at p > 0.6. observed: held-out beams. Points are scored "
+        "Shares in percent, mean±sd over gap seeds of 2.5 m; precision and recall at p > 0.6, precision over the seeds in which "
+        "anything was called occupied. observed: held-out beams. Points are scored "
         'with `calibration="points"`. By ' + "; ".join(said) + "."
     )
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hilbertvae.reports.score_table import NOTHING, heading, markdown, mean_and_spread, percent
-from hilbertvae.scoring.result import Result
+from hilbertvae.scoring.result import Result, asked
 
 
 class PaperRow(NamedTuple):
@@ -74,7 +74,7 @@ def _printed(pair: tuple[float, float]) -> str:
 
 
 def _pair(metrics: dict[str, list[float]]) -> str:
-    return f"{percent(metrics['precision'])} / {percent(metrics['recall'])}" if metrics else NOTHING
+    return " / ".join(percent(asked(metrics, metric)) for metric in ("precision", "recall")) if metrics else NOTHING
 
 
 def _at_the_paper_s(curves: list[list[float]] | None, printed: tuple[float, float]) -> str:
@@ -94,4 +94,4 @@ def _difference(metrics: dict[str, list[float]], printed: tuple[float, float]) -
     if not metrics:
         return NOTHING
     pairs = zip(("precision", "recall"), printed, strict=True)
-    return " / ".join(f"{100 * mean_and_spread(metrics[metric])[0] - value:+.1f}" for metric, value in pairs)
+    return " / ".join(f"{100 * mean_and_spread(asked(metrics, metric))[0] - value:+.1f}" for metric, value in pairs)

@@ -27,7 +27,7 @@ from hilbertvae.reports.comparison import COMPARED, error_table, occlusion_table
 from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.mapper_names import for_points
 from hilbertvae.reports.paper_table import paper_table
-from hilbertvae.reports.provenance import git_state, provenance
+from hilbertvae.reports.provenance import git_state, provenance, without_folders
 from hilbertvae.reports.result_json import write_result
 from hilbertvae.reports.run_state import PICTURES, SURFACE, TENSORBOARD, site_folder
 from hilbertvae.reports.score_pictures import precision_recall_picture, reliability_picture
@@ -72,10 +72,12 @@ class Report:
         data: dict[str, str] | None = None,
         others: Callable[[], Iterable[tuple[Site, str]]] = list,
         pictures: bool = True,
+        card: dict | None = None,
     ):
-        """config, identity, seeds, data: see `provenance`. others: opens further sites, with their roles, for the contact sheet."""
+        """config, identity, seeds, data: see `provenance`. others: opens further sites, with their roles, for the contact sheet. card: of
+        the network, where another run trained it."""
         self.folder, self.config, self.identity, self.seeds, self.pictures = Path(folder), config, identity, seeds, pictures
-        self.data, self.others = data or {}, others
+        self.data, self.others, self.card = data or {}, others, card
         self.started = time.perf_counter()
         self.git = git_state(Path(__file__).parent)  # now: the tree may change while a network trains
         self.failed: dict[str, str] = {}
@@ -88,7 +90,7 @@ class Report:
         seconds = {**trained, "until_scored": time.perf_counter() - self.started}
         device = ours.device if ours else "cpu"
         about = provenance(self.config, identity=self.identity, data=self.data, seeds=self.seeds, seconds=seconds, device=device)
-        about["git"] = self.git
+        about |= {"git": self.git} | ({"card": without_folders(self.card)} if self.card else {})
         if trained and "trained_by" in ours.reconstructor.card:
             about["host"]["trained_by"] = ours.reconstructor.card["trained_by"]
         self.written.append(write_result(folder / "result.json", result, about))

@@ -95,8 +95,8 @@ def heading(result: Result) -> str:
 
 
 LEGEND = (
-    "In percent, mean±sd over gap seeds. observed: held-out beams outside gaps. Precision, recall and F1 at p > 0.6, AUC at all cuts. "
-    "ceiling: the best vote at the map's cell size."
+    "In percent, mean±sd over gap seeds. observed: held-out beams outside gaps. Precision, recall and F1 at p > 0.6, AUC at all cuts; "
+    "precision is over the seeds in which anything was called occupied. ceiling: the best vote at the map's cell size."
 )
 GROUND_LEGEND = "near ground: within 0.4 m of the local ground; above ground: higher."
 

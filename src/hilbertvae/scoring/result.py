@@ -86,11 +86,39 @@ class Result:
         }
 
 
+OF_OCCUPIED = ("recall", "f1", "best_f1", "auc")
+"""Metrics that say nothing where nothing is occupied."""
+
+
 def asked(metrics: dict[str, list[float]], metric: str) -> list[float]:
-    """A metric of a region, one number per gap seed in which it has any point or voxel. Of a seed in which it is empty `score` says 0,
-    which would make a mean of several seeds better, or worse, than it is."""
-    values, counts = metrics.get(metric, []), metrics.get("count", [])
-    return [value for value, count in zip(values, counts, strict=True) if count > 0] if values and counts else values
+    """A metric of a region, one number per gap seed in which it says anything.
+
+    Of a seed in which the region is empty, in which all of it is of one kind, or in which nothing was called occupied of which there could
+    be a precision, `score` says 0 or 0.5, which would make a mean of several seeds better, or worse, than it is. The precision of a map
+    that calls nothing occupied in any seed stays 0.
+    """
+    values = metrics.get(metric, [])
+    if not values:
+        return values
+    told = [count > 0 for count in metrics.get("count", [])] or [True] * len(values)
+    if metric in OF_OCCUPIED and "base_rate" in metrics:
+        told = [some and base > 0 and (base < 1 or metric != "auc") for some, base in zip(told, metrics["base_rate"], strict=True)]
+    if metric == "precision" and any(found := [some and bool(called) for some, called in zip(told, _called(metrics), strict=True)]):
+        told = found
+    return [value for value, tells in zip(values, told, strict=True) if tells]
+
+
+def _called(metrics: dict[str, list[float]]) -> list[int]:
+    """How many were called occupied with each gap seed, from the shares of which `score` tells; 1 where these leave it open."""
+    keys = ("precision", "known", "count", "base_rate", "free_recall", "free_precision")
+    if any(key not in metrics for key in keys):
+        return [1] * len(metrics["precision"])
+    found = []
+    for precision, known, count, base, free_recall, free_precision in zip(*(metrics[key] for key in keys), strict=True):
+        freed = free_recall * (1 - base) * count / free_precision if free_precision else 0.0
+        open_ = precision > 0 or not free_precision and known > 0  # all that was called, or freed, was wrong
+        found.append(1 if open_ else round(known * count - freed))
+    return found
 
 
 def _chained(first: dict, second: dict) -> dict:

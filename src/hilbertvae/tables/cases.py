@@ -31,11 +31,19 @@ def case_rows(
     for _, group in sorted(grouped(runs, key).items(), key=lambda item: natural(item[0])):
         first = next(iter(group.values()))
         failures = [note for run in group.values() for note in run.failures()]
-        row = {"site": site, "case": first.case, **counts_of(group), **row_of(group)}
+        alike = _scored_alike(group)
+        row = {"site": site, "case": first.case, **counts_of(alike), **row_of(alike)}
         rows.append(row | {"note": note_of(group, row.get("note"), network_of(first), *sweep.gone(first.case), *failures)})
     if site == sweep.by_site()[0][0]:
         rows += [absent_row(status, columns, site=site, case=case, note="see below") for case, status in sweep.absent().items()]
     return rows
+
+
+def _scored_alike(group: Group) -> Group:
+    """The runs in which each of the row's maps was scored that was in any of them: what stands side by side, and is counted as n, is of the
+    same trainings. All of them where there is no such run."""
+    known = {name for name in champions(group) if any(name in run.result.scores for run in group.values())}
+    return {seed: run for seed, run in group.items() if known <= run.result.scores.keys()} or group
 
 
 def natural(key: Hashable) -> tuple:

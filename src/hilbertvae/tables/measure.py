@@ -30,7 +30,8 @@ NOTE = text("note", "note")
 LEGEND = (
     "Scores in percent, differences in points of percent, mean±sd. n: training seeds × gap seeds; the mean is over gap seeds and then"
     " over training seeds, the sd over training seeds where there are several, else over gap seeds; of a single one there is none. "
-    "Precision, recall and F1 at p > 0.6, best F1 at the best cut, AUC at all cuts."
+    "Precision, recall and F1 at p > 0.6, best F1 at the best cut, AUC at all cuts; "
+    "precision is over the seeds in which anything was called occupied."
 )
 COST_LEGEND = (
     "MB: 1e6 bytes. Training and its grids are of the run's network, so that mappers without one have none. Grids that another run had "

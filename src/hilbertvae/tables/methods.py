@@ -50,7 +50,7 @@ MORE = [
 OTHERWISE = {
     "octomap": "fed labelled points, not rays, which would cross gaps",
     "gpom": "local: a query asks the points about it, thinned; the paper does not say how it made a whole site tractable",
-    "lard-hm": "a feature for each cluster, of the size of CVAE-HM's; the paper does not give its settings",
+    "lard-hm": "a feature for each cluster of the paper's 5 m, whatever the size of CVAE-HM's; the paper does not give its settings",
 }
 """What is known to differ from the paper's for rows without a network; docs/decisions.md has what it does."""
 WHERE_SCORED = {

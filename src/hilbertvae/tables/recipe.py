@@ -18,14 +18,25 @@ ELSEWHERE = {
 """Where things lie and what computes; sites that are scored have a table each."""
 
 
+OF_A_CARD = ("recipe_hash", "calibrated_on", "learned_as")
+"""What the card of a network that another run trained says of how; its settings are not in this run's configuration."""
+
+
 def check_same_recipe(run: Any, first: Any) -> None:
     """An `InputError` that names the file and the key where two `Run`s of one row differ in more than their seed. A key that one lacks is
     of another version of the settings, and is not compared; so are mappers that only one has."""
-    ours, theirs = (dict(_flat(each.about["config"])) for each in (run, first))
+    ours, theirs = (dict(_facts(each.about)) for each in (run, first))
     for key in ours.keys() & theirs.keys():
         if ours[key] != theirs[key]:
             said = f"{ours[key]!r:.60}, but {theirs[key]!r:.60} in {first.path}"
-            raise InputError(f"{run.path}: config.{key}: {said}; runs of one row differ in their training seed alone")
+            raise InputError(f"{run.path}: {key}: {said}; runs of one row differ in their training seed alone")
+
+
+def _facts(about: dict) -> Iterator[tuple[str, Any]]:
+    yield from ((f"config.{key}", value) for key, value in _flat(about["config"]))
+    card = about.get("card")
+    if isinstance(card, dict):
+        yield from ((f"card.{key}", card[key]) for key in OF_A_CARD if key in card)
 
 
 def _flat(config: dict) -> Iterator[tuple[str, Any]]:

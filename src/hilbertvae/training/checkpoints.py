@@ -17,7 +17,7 @@ from hilbertvae.training.devices import training_device
 from hilbertvae.training.learned_as import KEY, learned_as
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import many_simulated, own_sites
-from hilbertvae.training.training_hash import training_hash
+from hilbertvae.training.training_hash import recipe_hash, training_hash
 
 
 class AtomicCheckpoints(TorchCheckpointIO):
@@ -55,6 +55,7 @@ def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) 
     weights = {key.removeprefix("network."): value for key, value in saved["state_dict"].items() if key.startswith("network.")}
     network = network.to("cpu")
     network.load_state_dict(weights)
+    before = Reconstructor.load(settings.trainer.initial).card if settings.trainer.initial else None
     card = {
         "trained_on": [*settings.data.train, many_simulated(settings.dimension, settings.data.simulated, settings.data.simulated_first)],
         "validated_on": settings.data.validate,
@@ -64,10 +65,11 @@ def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) 
         "steps": saved["global_step"],
         "seed": settings.seed,
         "training_hash": training_hash(settings),
+        "recipe_hash": recipe_hash(settings, before),
         **made_by(),
         **({"trained_on_sha256": contents} if (contents := own_sites(settings.data.train)) else {}),
         **({"trained_by": device_name(device)} if (device := training_device(settings)) != "cpu" else {}),
-        **({"started_from": Reconstructor.load(settings.trainer.initial).card} if settings.trainer.initial else {}),
+        **({"started_from": before} if before else {}),
     }
     return Reconstructor(
         network, settings.network, settings.likelihood, settings.grid, settings.dimension, settings.resolution_m, card=card

@@ -20,6 +20,22 @@ ELSEWHERE = {"data": ("folder", "download", "cache", "processes", "test"), "trai
 
 def training_hash(settings: Settings) -> str:
     """The hash of what can change a trained network: not of paths, devices, or what is scored afterwards."""
+    initial = settings.trainer.initial
+    return hash_of(_made_of(settings, path_sha256(initial) if initial else None))
+
+
+def recipe_hash(settings: Settings, started_from: dict | None) -> str:
+    """The hash that trainings share which differ in their seeds alone, as do the networks that they start from, whose card
+    `started_from` is; one of an older version counts by its weights."""
+    initial = settings.trainer.initial
+    recipe = (started_from or {}).get("recipe_hash") or (path_sha256(initial) if initial else None)
+    made_of = _made_of(settings, recipe) | {"seed": None}
+    made_of["trainer"].pop("threads")  # bits depend on it, as on a seed
+    return hash_of(made_of)
+
+
+def _made_of(settings: Settings, initial: str | None) -> dict:
+    """All settings that can change a trained network, and what lies where they say. initial: what is hashed of where it starts."""
     made_of = asdict(settings)
     source = settings.source()
     paths = [
@@ -27,12 +43,11 @@ def training_hash(settings: Settings) -> str:
         for site in (*settings.data.train, settings.data.validate, *settings.data.calibrate)
         if is_scan_path(site) and Path(site).exists()
     ]
-    if settings.trainer.initial:
-        made_of["trainer"]["initial"] = path_sha256(settings.trainer.initial)
+    made_of["trainer"]["initial"] = initial
     made_of["contents"] = [source.made_of(site) for site in paths]  # the same path may hold other scans when a run goes on
     for key in AFTERWARDS:
         made_of.pop(key)
     for part, keys in ELSEWHERE.items():
         for key in keys:
             made_of[part].pop(key)
-    return hash_of(made_of)
+    return made_of
