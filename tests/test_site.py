@@ -1,3 +1,6 @@
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -165,3 +168,25 @@ def test_a_drive_is_read_again_once_scans_in_a_linked_folder_have_changed(tmp_pa
     for points in (50, 90):
         np.full((points, 4), 3.0, dtype="<f4").tofile(store / "000000.bin")
         assert len(SiteSource(3).scans(str(drive)).points) == points
+
+
+def test_a_copy_of_a_site_is_the_same_site(place):
+    for copied in (pickle.loads(pickle.dumps(place)), copy.deepcopy(place)):
+        assert (copied.name, copied.resolution_m) == (place.name, place.resolution_m)
+        np.testing.assert_array_equal(copied.fit.points, place.fit.points)
+        assert copied.remember("a", lambda: 1) == 1
+    assert len({place, copy.copy(place)}) == 2 and place != copy.copy(place)
+
+
+def test_a_path_is_a_reference_and_what_was_read_there_stays_as_it_is(tmp_path):
+    path = room_log(tmp_path / "room.log")
+    first = open_site(path)
+    with pytest.raises(ValueError, match="read-only"):
+        first.scans.points[:] += 5
+    np.testing.assert_array_equal(open_site(str(path)).scans.points, first.scans.points)
+
+
+@pytest.mark.parametrize("dimension", [4, "3"])
+def test_another_dimension_than_the_two_is_refused(dimension):
+    with pytest.raises(InputError, match="^dimension: expected 2 or 3, got"):
+        SiteSource(dimension)

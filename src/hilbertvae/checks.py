@@ -81,6 +81,8 @@ def check_finite(node: object, path: str = "") -> None:
 
 def check_seeds(seeds: list[int], name: str) -> None:
     """An `InputError` unless `seeds` are one or more different whole numbers from 0 on."""
+    if not isinstance(seeds, (list, tuple)):
+        raise InputError(f"{name}: expected a list of seeds, got {seeds!r:.60}")
     whole = all(isinstance(seed, (int, np.integer)) and not isinstance(seed, bool) for seed in seeds)
     if not whole or not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0:
         raise InputError(f"{name}: expected one or more different seeds from 0 on, got {seeds}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Hashable
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
@@ -29,7 +30,7 @@ REMEMBERED = 24
 """Gaps, and three cases, of five gap seeds, and what a site has once. Of a street each case takes 200 MB."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Site:
     """A site's scans and, made when first asked for, the clouds of METHOD 1 and 7. Seed 0 fixes the `points` cloud."""
 
@@ -41,6 +42,10 @@ class Site:
     def __post_init__(self):
         if not self.resolution_m:
             object.__setattr__(self, "resolution_m", RESOLUTION_M[self.scans.dimension])
+
+    def __reduce__(self):
+        """A copy, in another process too, makes its clouds itself: they are many times the scans."""
+        return type(self), (self.name, self.scans, self.resolution_m)
 
     @property
     def dimension(self) -> int:
@@ -133,6 +138,10 @@ class SiteSource:
     reading: ReadingSettings = field(default_factory=ReadingSettings)
     """How paths are read; a site of the catalogue is read as that says."""
 
+    def __post_init__(self):
+        if self.dimension not in (None, 2, 3):
+            raise InputError(f"dimension: expected 2 or 3, got {self.dimension!r}")
+
     def check(self, reference: str) -> None:
         """Whether `scans` can start on a reference, before anything long is begun; fetches what is to be fetched."""
         if reference.startswith(SIMULATED):
@@ -180,7 +189,14 @@ def _scans_at(reference: str, reading: ReadingSettings) -> Scans:
     path = Path(reference).resolve()
     stamps = [(str(file), file.stat().st_size, file.stat().st_mtime_ns) for file in files_at(path)]
     key = hash_of([str(path), stamps, asdict(reading)])
-    return _scans_read.get(key, lambda: read_scans_path(reference, reading))
+    return _scans_read.get(key, lambda: _kept_as_is(read_scans_path(reference, reading)))
+
+
+def _kept_as_is(scans: Scans) -> Scans:
+    """The same, which nobody may change any more: others will be given them, too."""
+    for values in vars(scans).values():
+        values.flags.writeable = False
+    return scans
 
 
 def site_name(reference: str) -> str:
@@ -188,6 +204,7 @@ def site_name(reference: str) -> str:
     return Path(reference).resolve().name if is_scan_path(reference) else reference
 
 
-def open_site(reference: str, resolution_m: float = 0.0, source: SiteSource | None = None) -> Site:
+def open_site(reference: str | os.PathLike, resolution_m: float = 0.0, source: SiteSource | None = None) -> Site:
     """The `Site` of a reference (see `SiteSource.scans`)."""
+    reference = os.fspath(reference)
     return Site(site_name(reference), (source or SiteSource()).scans(reference), resolution_m)

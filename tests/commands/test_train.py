@@ -16,7 +16,7 @@ from narrow_networks import narrowed
 from hilbertvae.checks import InputError
 from hilbertvae.clusters.starts import STARTS
 from hilbertvae.commands.build import build_mappers
-from hilbertvae.commands.train import CONF, run, to_settings
+from hilbertvae.commands.train import CONF, main, run, to_settings
 from hilbertvae.files import file_sha256
 from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.nearest import NearestMapper
@@ -272,6 +272,15 @@ class TestErrors:
     def test_a_mapper_with_an_unknown_setting_is_named(self):
         with pytest.raises(InputError, match="mapper.nearest.*neighbors"):
             build_mappers({"nearest": {"_target_": f"{NearestMapper.__module__}.NearestMapper", "neighbors": 3}})
+
+    @pytest.mark.parametrize(("launcher", "extra"), [("submitit", "slurm"), ("ray", "ray")])
+    def test_a_launcher_whose_extra_is_missing_says_so(self, launcher, extra, monkeypatch, capsys):
+        monkeypatch.setattr(sys, "argv", ["hilbertvae-train", "-m", f"launcher={launcher}"])
+        monkeypatch.setattr("hilbertvae.commands.train.find_spec", lambda name: None)
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        assert stopped.value.code == 2
+        assert capsys.readouterr().err.startswith(f"hilbertvae-train: launcher={launcher}: needs the extra '{extra}': pip install")
 
     def test_the_command_exits_with_2_and_one_message(self, tmp_path):
         command = [sys.executable, "-m", "hilbertvae.train", "debug=fast", "data.test=[atlantis]", "mapper=[nearest]"]

@@ -52,6 +52,10 @@ def test_the_seed_decides(room):
     before, pairs = tiny_reconstructor(), pairs_of(room, 1)
     one, same, other = (adapted(before, *pairs, steps=3, seed=seed).fingerprint() for seed in (0, 0, 1))
     assert one == same != other
+    with torch.no_grad():
+        assert adapted(before, *pairs, steps=3, seed=0).fingerprint() == one
+    with torch.inference_mode():
+        assert adapted(before, *pairs, steps=3, seed=0).fingerprint() == one
 
 
 def test_what_nobody_saw_is_answered_as_before(room, monkeypatch):

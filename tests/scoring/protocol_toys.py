@@ -8,20 +8,21 @@ from hilbertvae.voxel_votes import voxel_index
 
 
 class Spy(Mapper):
-    """Keeps what it is fitted on and asked; answers like the nearest point of its own cloud, or 0.5 far from it."""
+    """Keeps what it, and copies of it, are fitted on and asked; answers like the nearest point of its own cloud, or 0.5 far from it."""
 
     needs_both_classes = False
 
     def __init__(self, seed=0):
         self.seed = seed
+        self.fits_, self.asked_ = [], []
 
     def _fit(self, points, occupied, weight):
-        self.fits_ = [*getattr(self, "fits_", []), (points, occupied, weight, self.seed)]
+        self.fits_.append((points, occupied, weight, self.seed))
         self.tree_, self.occupied_ = cKDTree(points), occupied
 
     def _probability(self, queries):
         distance, index = self.tree_.query(queries)
-        self.asked_ = [*getattr(self, "asked_", []), queries]
+        self.asked_.append(queries)
         return np.where(distance < 0.15, self.occupied_[index], 0.5)
 
 

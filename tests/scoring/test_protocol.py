@@ -124,18 +124,22 @@ def test_the_contract(place):
 def test_a_mapper_that_says_how_unsure_it_is_is_asked_in_gaps(place):
     """On voxels alone, of the very places that its answers there are scored on."""
 
+    spread_at = []
+
     class Unsure(NearestMapper):
         def predict_std(self, queries):
-            self.asked_ = queries
+            spread_at.append(queries)
             return np.linalg.norm(queries, axis=1)
 
-    mapper, protocol = Unsure(), replace(QUICK, gap_seeds=[3])
-    found = evaluate(mapper, place, protocol, "unsure").scores["unsure"]
-    asked = gap_case(place, cut_site(place, protocol, 3)).asked["voxels"]
+    protocol = replace(QUICK, gap_seeds=[3])
+    found = evaluate(Unsure(), place, protocol, "unsure").scores["unsure"]
+    case = gap_case(place, cut_site(place, protocol, 3))
+    asked = case.asked["voxels"]
     chosen = asked.regions["gaps"]
-    np.testing.assert_array_equal(mapper.asked_, asked.points[chosen])
-    probability = mapper.predict_proba(mapper.asked_)[:, 1]
-    expected = error_ranking(asked.occupied[chosen], probability, np.linalg.norm(mapper.asked_, axis=1))
+    np.testing.assert_array_equal(spread_at, [asked.points[chosen]])
+    mapper = NearestMapper().fit(case.shown.points, case.shown.occupied, case.shown.weight)
+    probability = mapper.predict_proba(asked.points[chosen])[:, 1]
+    expected = error_ranking(asked.occupied[chosen], probability, np.linalg.norm(asked.points[chosen], axis=1))
     assert {metric: found["voxels"]["gaps"][metric] for metric in ERROR_METRICS} == {key: [value] for key, value in expected.items()}
     assert not set(ERROR_METRICS) & {*found["points"]["gaps"], *found["voxels"]["observed"]}
 
@@ -290,3 +294,14 @@ def test_protocols_that_score_nothing_are_named(room, change, message):
 def test_the_default_gap_is_half_the_papers_cluster():
     assert Protocol().gap_diameter_m == 2.5 and len(Protocol().gap_seeds) == 5
     assert cases.OCCLUSION_STEP == {2: 10, 3: 3}
+
+
+@pytest.mark.parametrize("seeds", [range(2), (0, 1), np.arange(2), list(np.arange(2))])
+def test_seeds_of_any_kind_are_whole_numbers(room, seeds):
+    found = evaluate(ConstantMapper(), room, replace(QUICK, gap_seeds=seeds)).plain()
+    assert json.loads(json.dumps(found))["gap_seeds"] == [0, 1]
+
+
+def test_a_number_alone_is_no_list_of_seeds(room):
+    with pytest.raises(InputError, match="^evaluation.gap_seeds: expected a list of seeds, got 0"):
+        evaluate(ConstantMapper(), room, Protocol(gap_seeds=0))

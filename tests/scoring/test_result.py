@@ -75,3 +75,18 @@ def test_whether_anything_was_called_follows_from_the_shares(cells):
     kept = asked(metrics_of((occupied, probability), (OCCUPIED, SURE)), "precision")
     if called.any() or right_free.any() or not (probability <= 0.4).any():
         assert len(kept) == 1 + called.any()
+
+
+def gaps_of(*places):
+    return [{"seed": seed, "centres": [place], "radius_m": [1.25], "share": 0.1} for seed, place in enumerate(places)]
+
+
+def test_two_sites_of_one_name_and_two_mappers_of_one_name_do_not_join():
+    first = result(scores={"mapper": {}}, gaps=gaps_of([0.0, 0.0], [1.0, 1.0]))
+    with pytest.raises(ValueError, match="results differ in gaps"):
+        first.add(result(scores={"other": {}}, gaps=gaps_of([0.0, 0.0], [1.0, 2.0])))
+    with pytest.raises(ValueError, match="results have both mapper; give `evaluate` a `name` for each"):
+        first.add(result(failed={"mapper": "MemoryError"}, gaps=first.gaps))
+    with pytest.raises(ValueError, match="results differ in ceiling"):
+        first.add(result(ceiling={"points": {"precision": 1.0, "recall": 1.0}}))
+    assert first.add(result(scores={"other": {}})).mappers() == ["mapper", "other"]

@@ -174,3 +174,13 @@ class TestWeightsLearnedAnew:
         usual, sparse = self.scored(*first), self.scored(*first, inner_radius_m=farther)
         assert sparse.grid_.inner_radius_m == farther and sparse.cluster_count() < usual.cluster_count()
         assert sparse.reconstructor.map_weights != usual.reconstructor.map_weights == Reconstructor.load(first[1]).map_weights
+
+
+def test_code_of_ones_own_names_a_network_too(first, monkeypatch):
+    settings, _ = first
+    usual = kept_name(settings)
+    monkeypatch.setattr(train_module, "foreign_source", lambda kind: "class Mine: pass")
+    assert kept_name(settings) != usual
+    monkeypatch.setattr(train_module, "foreign_source", lambda kind: None)
+    with pytest.raises(InputError, match="^trained: expected none with a network whose code is in no file"):
+        kept_name(settings)

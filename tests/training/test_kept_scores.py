@@ -197,3 +197,12 @@ def test_scores_that_can_not_be_kept_are_scores_all_the_same(settings):
     with pytest.warns(UserWarning, match="scores can't be kept, so that a run which is stopped starts anew"):
         score(settings, mappers(), None, lambda result, *_: written.append(result))
     assert not written[0].failed and len(written[0].scores["late"]["points"]["gaps"]["auc"]) == 3
+
+
+def test_scores_of_code_that_no_file_holds_are_not_kept(settings, room):
+    """Typed in, as in a notebook, it may be another the next time."""
+    typed = type("Typed", (NearestMapper,), {"__module__": "__main__"})()
+    kept, found = KeptScores(settings, "simulated:900002"), evaluate_all({"early": ConstantMapper()}, room, Protocol([0], occlusion=False))
+    for mapper, there in ((typed, False), (NearestMapper(), True)):
+        kept.keep({"early": mapper}, 0, found)
+        assert (kept.take({"early": mapper}, 0) is not None) == there

@@ -17,7 +17,7 @@ from hydra.types import RunMode
 from omegaconf import MISSING, DictConfig, OmegaConf
 
 import hilbertvae
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, how_to_install
 from hilbertvae.commands.clustering_study import has_study, run_clustering, write_clustering_failure
 from hilbertvae.commands.gpus import give_gpus, remember_gpus, see_remembered_gpus
 from hilbertvae.commands.overrides import named_networks, refuse_ignored
@@ -52,6 +52,13 @@ OmegaConf.register_new_resolver("sweeps_folder", lambda: str(SWEEPS), replace=Tr
 JOB = "HILBERTVAE_JOB"
 """Where a job of a multirun tells the other processes of its distributed training what it is: Lightning starts them with the words of
 the whole multirun, of which they would do every job."""
+
+LAUNCHERS = {
+    "submitit": ("slurm", "hydra_submitit_launcher"),
+    "submitit_local": ("slurm", "hydra_submitit_launcher"),
+    "ray": ("ray", "hydra_ray_launcher"),
+}
+"""By launcher the extra that it needs, and the plugin that Hydra would not find without saying so."""
 
 store = ConfigStore.instance()
 # The network is missing there, so that a choice of another kind meets no default of this one; the folder is that of the name, and the
@@ -226,6 +233,11 @@ def main() -> None:
         print("hilbertvae-train: a sweep without -m is its first job alone; add -m for all of them", file=sys.stderr)
     if JOB in os.environ and int(os.environ.get("LOCAL_RANK", 0)):
         words = json.loads(os.environ[JOB]) + [word for word in words if word.startswith(("hydra.job.name=", "hydra.output_subdir="))]
+    for word in words:
+        extra, plugin = LAUNCHERS.get(word.removeprefix("launcher="), ("", ""))
+        if word.startswith("launcher=") and extra and not find_spec(f"hydra_plugins.{plugin}"):
+            print(f"hilbertvae-train: {word}: needs the extra '{extra}': {how_to_install(extra)}", file=sys.stderr)
+            sys.exit(2)
     sys.argv[1:] = words
     remember_gpus()
     with stopped_by_signals():  # else a launcher's workers, or a scoring's, would go on without it

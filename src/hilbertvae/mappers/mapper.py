@@ -24,6 +24,8 @@ OCCUPIED_ABOVE = 0.6
 FREE_BELOW = 0.4 + 1e-6
 """Free if p <= 0.4; the slack takes in OctoMap's single miss, which is 0.4000 in float32 (METHOD 6)."""
 
+ROUNDING = 1e-9
+"""By so much may an answer miss 0 or 1."""
 FARTHEST_M = 1e100
 """Queries farther out are asked there: the square of a longer distance would be no number, and everything is as far away. Points that a
 map is made of may not lie there."""
@@ -152,8 +154,17 @@ class Mapper(ClassifierMixin, BaseEstimator):
         """(Q, 2) float64: the probabilities of free and of occupied at `queries (Q, D)`, each answered alone."""
         check_is_fitted(self)
         queries = self._checked(queries)
-        occupied = answer_in_chunks(self._probability, queries, self.chunk)
+        occupied = answer_in_chunks(self._one_each, queries, self.chunk) if len(queries) else np.empty(0)
         return np.column_stack([1.0 - occupied, occupied])
+
+    def _one_each(self, queries: np.ndarray) -> np.ndarray:
+        """`_probability` of some queries, checked: a mapper of somebody's own may say something else."""
+        occupied, name = np.asarray(self._probability(queries)), type(self).__name__
+        if occupied.shape != (len(queries),):
+            raise ValueError(f"{name}._probability: expected shape {(len(queries),)}, p(occupied) of each query, got {occupied.shape}")
+        if (wrong := (occupied < -ROUNDING) | (occupied > 1 + ROUNDING)).any():
+            raise ValueError(f"{name}._probability: expected numbers from 0 to 1, got {occupied[wrong][0]}")
+        return occupied
 
     def predict_map(self, queries) -> np.ndarray:
         """(Q,) p(occupied) as a map shows it; a mapper that can tell where no scan would ever see says 0.5 there."""
@@ -198,6 +209,8 @@ class Mapper(ClassifierMixin, BaseEstimator):
             raise InputError("sample_weight: expected positive weights, got zeros only")
         if not counts.all():
             points, y, weight = points[counts], y[counts], weight[counts]
+        points, weight = points.view(), weight.view()
+        points.flags.writeable = weight.flags.writeable = False  # they are the caller's, and those of the mappers that come next
         if (farthest := np.abs(points).max()) > FARTHEST_M:
             raise InputError(f"points: expected coordinates up to {FARTHEST_M:g} m, got {farthest:g}; is there an outlier?")
         return points, y, weight

@@ -40,6 +40,8 @@ def batch_size(reconstructor: Reconstructor) -> int:
     return max(1, round(BATCH_CELLS / reconstructor.grid.cells**reconstructor.dimension))
 
 
+@torch.inference_mode(False)  # whoever maps may have said that nothing is to be learned
+@torch.enable_grad()
 def adapted(
     reconstructor: Reconstructor, shown: np.ndarray, target: np.ndarray, steps: int, seed: int, device: str = "cpu"
 ) -> Reconstructor:

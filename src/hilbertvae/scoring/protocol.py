@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 import warnings
 from collections import defaultdict
@@ -9,7 +10,7 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
-from hilbertvae.checks import check_positive, check_seeds
+from hilbertvae.checks import InputError, check_positive, check_seeds
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import LEAST_SHARE, Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
@@ -41,6 +42,12 @@ class Protocol:
     def gap_diameter_m(self) -> float:
         return self.gap_ratio * self.cluster_size_m
 
+    def __post_init__(self):
+        if isinstance(self.gap_seeds, (range, tuple, np.ndarray)):
+            self.gap_seeds = list(self.gap_seeds)
+        if isinstance(self.gap_seeds, list):  # numpy's numbers are none in JSON
+            self.gap_seeds = [int(seed) if isinstance(seed, np.integer) else seed for seed in self.gap_seeds]
+
     def check(self) -> None:
         """An `InputError` that names the key for what can't be scored."""
         check_positive(self.gap_ratio, "evaluation.gap_ratio")
@@ -54,8 +61,8 @@ def cut_site(site: Site, protocol: Protocol, seed: int) -> Gaps:
     def cut() -> Gaps:
         gaps = random_gaps(site.fit, protocol.gap_diameter_m, site.resolution_m, seed, protocol.centred, rim=protocol.rim)
         if gaps.share < LEAST_SHARE:
-            few = f"gaps of {protocol.gap_diameter_m:g} m take {gaps.share:.1%} of its points"
-            warnings.warn(f"{site.name}: {few}, and not {LEAST_SHARE:.0%}: no further one fits", stacklevel=2)
+            few = f"gaps of {protocol.gap_diameter_m:g} m take {100 * gaps.share:.3g} % of its points"
+            warnings.warn(f"{site.name}: {few}, and not {LEAST_SHARE:.0%}: no further one fits", stacklevel=4)
         return gaps
 
     return site.remember(("gaps", protocol.gap_diameter_m, protocol.centred, protocol.rim, seed), cut)
@@ -64,15 +71,19 @@ def cut_site(site: Site, protocol: Protocol, seed: int) -> Gaps:
 def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper", progress=None) -> Result:
     """Fit the mapper on the gapped site once per gap seed, and score it on what was hidden and on what was not.
 
-    Every mapper gets the same `fit` points and, of a gap, neither points nor their places; one that takes a `seed` gets the gap's.
+    Every mapper gets the same `fit` points and, of a gap, neither points nor their places; one that takes a `seed` gets the gap's. The one
+    that is given stays as it is: a copy of it is fitted.
     `progress`, if given, is called with a line of text as each seed is done.
     """
-    return evaluate_alike({name: mapper}, site, protocol, progress)
+    return evaluate_alike({name: copy.copy(mapper)}, site, protocol, progress)  # scikit-learn's clone would copy its network
 
 
 def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, progress=None) -> Result:
     """`evaluate` of mappers by name that fit alike (`Mapper.fits_like`): the first is fitted for all, and its seconds are theirs."""
     protocol.check()
+    for name, mapper in mappers.items():
+        if not isinstance(mapper, Mapper):
+            raise InputError(f"{name}: expected a hilbertvae.mappers.mapper.Mapper, got {type(mapper).__name__}")
     first, *others = mappers.values()
     found = {name: _Found() for name in mappers}
     every_gap = []

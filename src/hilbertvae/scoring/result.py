@@ -43,10 +43,16 @@ class Result:
         return asked(self.regions(mapper, reading).get(region, {}), metric)
 
     def add(self, other: Result) -> Result:
-        """This result with the mappers of another evaluation of the same site under the same protocol."""
-        for name in ("site", "gap_seeds", "protocol"):
+        """This result with the mappers of another evaluation of the same site under the same protocol; a `ValueError` for what can't stand
+        side by side, and for two mappers of one name."""
+        for name in ("site", "dimension", "gap_seeds", "protocol", "ceiling"):
             if getattr(self, name) != getattr(other, name):
                 raise ValueError(f"results differ in {name}: {getattr(self, name)!r} and {getattr(other, name)!r}")
+        ours, theirs = ({gaps["seed"]: gaps for gaps in result.gaps} for result in (self, other))
+        if any(ours[seed] != theirs[seed] for seed in ours.keys() & theirs.keys()):
+            raise ValueError(f"results differ in gaps: those of {self.site} were cut elsewhere; are these two sites of one name?")
+        if both := {*self.mappers()} & {*other.mappers()}:
+            raise ValueError(f"results have both {', '.join(sorted(both))}; give `evaluate` a `name` for each")
         for name in ("scores", "seconds", "maps", "curves", "failed"):
             getattr(self, name).update(getattr(other, name))
         return self

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import inspect
 import shutil
-import sys
 import warnings
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
@@ -24,6 +22,7 @@ from hilbertvae.reports.result_json import read_result, write_result
 from hilbertvae.reports.run_state import UNFINISHED
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import site_name
+from hilbertvae.training.foreign_code import foreign_source
 from hilbertvae.training.settings import Settings
 
 LATER = ("drawing", "reports", "tables", "exports", "commands")
@@ -51,23 +50,28 @@ class KeptScores:
             "machine": [cpu_name(), torch.get_num_threads(), settings.scoring_processes],
         }
 
-    def path(self, mappers: dict[str, Mapper], seed: int) -> Path:
-        """Where the scores of these mappers with a gap seed are kept."""
+    def path(self, mappers: dict[str, Mapper], seed: int) -> Path | None:
+        """Where the scores of these mappers with a gap seed are kept; None where the code of one can't be read, which may change."""
+        if any(foreign_source(type(mapper)) is None for mapper in mappers.values()):
+            return None
         described = {name: _described(mapper) for name, mapper in mappers.items()}
         return self.folder / f"{hash_of({**self.made_of, 'mappers': described, 'seed': seed})}.json"
 
     def take(self, mappers: dict[str, Mapper], seed: int) -> Result | None:
         """What was kept of these mappers, or None where nothing was, or only a damaged file."""
+        path = self.path(mappers, seed)
         with contextlib.suppress(InputError):
-            found = read_result(self.path(mappers, seed))[0]
-            if found.gap_seeds == [seed] and found.scores.keys() == mappers.keys():
+            found = read_result(path)[0] if path else None
+            if found and found.gap_seeds == [seed] and found.scores.keys() == mappers.keys():
                 return found
         return None
 
     def keep(self, mappers: dict[str, Mapper], seed: int, result: Result) -> None:
         """A run whose scores can't be kept, on a full disk, still has them; that it could not go on is said."""
+        path = self.path(mappers, seed)
         try:
-            write_result(self.path(mappers, seed), result)
+            if path:
+                write_result(path, result)
         except OSError as error:
             warnings.warn(f"{self.folder}: scores can't be kept, so that a run which is stopped starts anew ({error})", stacklevel=3)
 
@@ -94,15 +98,7 @@ def _described(mapper: Mapper) -> list:
     parameters = {key: _plain(value) for key, value in mapper.get_params(deep=False).items() if key not in again}
     if isinstance(mapper, HilbertMap):
         parameters["device"] = device_name(mapper.device)
-    return [f"{kind.__module__}.{kind.__qualname__}", _foreign_source(kind), parameters]
-
-
-def _foreign_source(kind: type) -> str:
-    if kind.__module__.startswith("hilbertvae."):
-        return ""
-    with contextlib.suppress(OSError, TypeError):  # typed in, as in a notebook
-        return inspect.getsource(sys.modules[kind.__module__])
-    return ""
+    return [f"{kind.__module__}.{kind.__qualname__}", foreign_source(kind), parameters]
 
 
 def _plain(value: object) -> object:

@@ -20,15 +20,18 @@ from hilbertvae.checks import InputError
 from hilbertvae.files import hash_of, json_object, write_json
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.blocks import convolutions
+from hilbertvae.reconstruction.networks import NETWORKS
 from hilbertvae.reconstruction.precision import training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.run_state import TRAINING, clear
 from hilbertvae.training.checkpoints import AtomicCheckpoints, MovableCheckpoint, PatienceOnce
 from hilbertvae.training.devices import check_accelerator, training_device
+from hilbertvae.training.foreign_code import foreign_source
 from hilbertvae.training.grids_datamodule import GridsDataModule
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
 from hilbertvae.training.kept_grids import GRID_SOURCES, code_hash
 from hilbertvae.training.kept_network import KeptNetwork
+from hilbertvae.training.plain_settings import plain_settings
 from hilbertvae.training.reconstruction_module import ReconstructionModule
 from hilbertvae.training.scoring import Writer, score, use_threads
 from hilbertvae.training.settings import Settings
@@ -42,9 +45,15 @@ take it for the word of a cluster that has started its processes already, and wa
 
 
 def kept_name(settings: Settings) -> str:
-    """What names a kept network: its settings, and the code that trains it and learns its Hilbert Map's weights."""
+    """What names a kept network: its settings, and the code that trains it and learns its Hilbert Map's weights.
+
+    An `InputError` for a network whose code can't be read: it may be another one the next time.
+    """
     code = code_hash((*GRID_SOURCES, "mappers", "reconstruction", "scoring/calibration.py", "scoring/cases.py", "training"))
-    return hash_of([training_hash(settings), hilbertvae.__version__, code])
+    own = [foreign_source(kind) for kind in (type(settings.network), NETWORKS[settings.network.kind][1])]
+    if None in own:
+        raise InputError("trained: expected none with a network whose code is in no file; write it into a module")
+    return hash_of([training_hash(settings), hilbertvae.__version__, code, *filter(None, own)])
 
 
 def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: Writer | None = None) -> Path:
@@ -54,7 +63,12 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     was interrupted goes on from its last epoch, if its settings are the same; one whose network is kept in `settings.trained` takes
     that. Raises `InputError` for bad settings, and `FloatingPointError` for a loss that is not finite.
     """
+    settings = plain_settings(settings)
     settings.check()
+    if settings.checkpoint:
+        raise InputError(
+            "checkpoint: expected none in a training; `evaluate` scores a network that is there, `trainer.initial` goes on from it"
+        )
     check_accelerator(settings)
     if settings.trainer.strategy not in (known := ["auto", *StrategyRegistry.available_strategies()]):
         raise InputError(f"trainer.strategy: expected one of {', '.join(known)}, got {settings.trainer.strategy!r}")

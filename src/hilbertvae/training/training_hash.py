@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hilbertvae.files import hash_of, path_sha256
 from hilbertvae.scans.formats import is_scan_path
+from hilbertvae.training.plain_settings import plain_settings
 from hilbertvae.training.settings import Settings
 
 AFTERWARDS = (
@@ -36,7 +37,7 @@ def recipe_hash(settings: Settings, started_from: dict | None) -> str:
 
 def _made_of(settings: Settings, initial: str | None) -> dict:
     """All settings that can change a trained network, and what lies where they say. initial: what is hashed of where it starts."""
-    made_of = asdict(settings)
+    made_of = asdict(plain_settings(settings))
     source = settings.source()
     paths = [
         site

@@ -1,0 +1,23 @@
+"""The source of classes that are not of this package, on which what is kept from run to run depends as well."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+
+
+def foreign_source(kind: type) -> str | None:
+    """The source of the module that `kind` comes from, empty for this package's own; None for a class that no file holds, as one that was
+    typed into a notebook, or sent to another process from where it ran as a script."""
+    if kind.__module__.partition(".")[0] == "hilbertvae":
+        return ""
+    module = sys.modules.get(kind.__module__)
+    found = module
+    for name in kind.__qualname__.split("."):
+        found = getattr(found, name, None)
+    if found is not kind:  # another one of that name, or none
+        return None
+    try:
+        return inspect.getsource(module)
+    except (OSError, TypeError):
+        return None

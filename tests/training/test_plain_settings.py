@@ -1,0 +1,57 @@
+"""Settings that were made in Python are those that YAML would have given, or are refused by the key."""
+
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from training_toys import tiny_settings
+
+from hilbertvae.checks import InputError
+from hilbertvae.training.plain_settings import plain_settings
+from hilbertvae.training.settings import DataSettings, Settings, TrainerSettings
+from hilbertvae.training.train import train
+from hilbertvae.training.training_hash import training_hash
+
+
+def kinds_in(node):
+    if isinstance(node, dict):
+        return set().union(*map(kinds_in, node.values()))
+    return set().union(set(), *map(kinds_in, node)) if isinstance(node, list) else {type(node)}
+
+
+def test_paths_and_numbers_of_numpy_become_pythons():
+    made = tiny_settings(Path("run"), "cache", resolution_m=np.float64(0.1), seed=np.int64(3))
+    data = replace(made.data, train=[Path("a.log")], folder=Path("logs"), simulated_extent_m=(12, 16), simulated_scans=np.int64(20))
+    made = replace(made, data=data, trainer=replace(made.trainer, learning_rate=np.logspace(-3, -2, 3)[0], initial=Path("b")))
+    found = plain_settings(made)
+    assert kinds_in(asdict(found)) <= {str, int, float, bool, type(None)}
+    assert (found.output, found.data.train, found.data.folder, found.data.simulated_extent_m) == ("run", ["a.log"], "logs", [12.0, 16.0])
+    assert found.trainer.learning_rate == pytest.approx(1e-3) and type(found.network) is type(made.network)
+    assert plain_settings(found) == found and isinstance(made.data.folder, Path)
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ({"trainer": TrainerSettings(epochs=1.5)}, "trainer.epochs"),
+        ({"trainer": TrainerSettings(batch_size="many")}, "trainer.batch_size"),
+        ({"data": DataSettings(test="simulated:9")}, "data.test"),
+        ({"data": DataSettings(validate=["a"])}, "data.validate"),
+        ({"network": "gated"}, "network"),
+    ],
+)
+def test_another_type_is_refused_by_its_key_before_anything_is_made(tmp_path, change, key):
+    with pytest.raises(InputError, match=f"^{key}: "):
+        train(replace(Settings(output=str(tmp_path / "run")), **change))
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_network_that_is_there_is_not_trained(tmp_path):
+    with pytest.raises(InputError, match="^checkpoint: expected none in a training"):
+        train(tiny_settings(tmp_path / "run", tmp_path / "cache", checkpoint="2d"))
+
+
+def test_who_made_them_changes_no_hash(tmp_path):
+    made = tiny_settings(tmp_path / "run", tmp_path / "cache")
+    assert training_hash(made) == training_hash(plain_settings(made)) == training_hash(replace(made, resolution_m=np.float64(0.1)))
