@@ -95,6 +95,8 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
     Raises `InputError` for what does not fit together. A `UserWarning` says where coordinates can't be in metres, where a beam is longer
     than any laser's, and where half or single precision has moved far coordinates by a part of a cell.
     """
+    first = origins[0] if isinstance(origins, (list, tuple)) and len(origins) else origins
+    came_as = first.dtype if isinstance(getattr(first, "dtype", None), np.dtype) else np.dtype(np.float64)
     if not isinstance(points, (list, tuple)) and len(_shape(points)) == 3:
         points = list(points)
     one = next((scan for scan in points if len(_shape(scan)) == 2), None) if isinstance(points, (list, tuple)) else None
@@ -105,7 +107,7 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
         origins = check_points(origins, "origins", dimension=dimension)
         if len(origins) != len(points):
             raise InputError(f"origins: expected one per scan ({len(points)}), got {len(origins)}")
-        warn_if_rounded(origins, "origins")
+        warn_if_rounded(origins, "origins", came_as=came_as)
         points = [np.empty((0, dimension)) if _shape(p) == (0,) else p for p in points]  # an empty list has no second axis
         points = [check_points(p, f"points[{k}]", dimension=dimension, allow_empty=True, hint=NO_RETURN) for k, p in enumerate(points)]
         scan = np.repeat(np.arange(len(points), dtype=np.int32), list(map(len, points)))
@@ -118,7 +120,7 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
         origins = check_points([origins] if len(_shape(origins)) == 1 else origins, "origins", dimension=points.shape[1])
         if len(origins) not in (1, len(points)):
             raise InputError(f"origins: expected one, or one per point ({len(points)}), got {len(origins)}")
-        warn_if_rounded(origins, "origins")
+        warn_if_rounded(origins, "origins", came_as=came_as)
         origins = np.broadcast_to(origins, points.shape)
         scan = np.zeros(len(points), np.int32)
     resolution_m = RESOLUTION_M[points.shape[1]] if resolution_m is None else check_cell_m(resolution_m, "resolution_m")

@@ -106,3 +106,22 @@ def test_fields_of_a_cloud_that_are_no_coordinates(tmp_path):
         made.cloud("/points", 0.0, "lidar", CLOUDS[0], fields=fields(made)[:2])
     with pytest.raises(InputError, match="expected fields x, y, z, the cloud has x y"):
         read_bag(tmp_path / "a.bag")
+
+
+def test_clouds_of_nothing_without_their_fields_are_scans_without_returns(tmp_path):
+    """Of a node that publishes before it has seen anything."""
+    nothing = {"width": 0, "height": 0, "fields": [], "point_step": 0, "row_step": 0, "data": np.zeros(0, np.uint8)}
+    with bag(tmp_path / "a.bag") as made:
+        made.transform("/tf", 0, "map", "lidar", ((0, 0, 0), turned(0)))
+        made.cloud("/points", 0.0, "lidar", CLOUDS[0], **nothing)
+        made.cloud("/points", 0.1, "lidar", CLOUDS[0])
+    np.testing.assert_array_equal(read_bag(tmp_path / "a.bag").points, CLOUDS[0])
+
+
+@pytest.mark.parametrize("step", [0, 7, 2**31])
+def test_a_step_of_rows_is_not_needed_where_nothing_is_between_them(tmp_path, step):
+    points = CLOUDS[0].astype("<f4")
+    with bag(tmp_path / "a.bag") as made:
+        made.transform("/tf", 0, "map", "lidar", ((0, 0, 0), turned(0)))
+        made.cloud("/points", 0.0, "lidar", CLOUDS[0], rows=2, row_step=step, point_step=12, data=points.reshape(-1).view(np.uint8))
+    np.testing.assert_array_equal(read_bag(tmp_path / "a.bag").points, points)

@@ -11,6 +11,10 @@ from hilbertvae.scans.point_text import read_point_text
     [
         ("1 2 3\n4 5 6\n", [[1, 2, 3], [4, 5, 6]]),
         ("1 2\n4 5", [[1, 2], [4, 5]]),
+        ("2\n1 2 3 7\n4 5 6 8\n", [[1, 2, 3], [4, 5, 6]]),  # PTS
+        ("//t X Y Z\n2\n9 1 2 3\n9 4 5 6\n", [[1, 2, 3], [4, 5, 6]]),  # CloudCompare
+        ("2\r\n1;2;3\r\n4;5;6\r\n", [[1, 2, 3], [4, 5, 6]]),
+        ("2\nx y z r\n1 2 3 7\n4 5 6 8\n", [[1, 2, 3], [4, 5, 6]]),
         ("  1\t2   3 0.5 255\n\n4 5 6 0.1 0\n", [[1, 2, 3], [4, 5, 6]]),
         ("# a comment\n\n//X Y Z\n1 2 3\n", [[1, 2, 3]]),
         ("1,2,3\r\n4,5,6\r\n", [[1, 2, 3], [4, 5, 6]]),
@@ -52,6 +56,8 @@ def test_tables(tmp_path, text, expected):
     [
         ("", "expected lines of numbers, found none"),
         ("# nothing\n// at all\n", "expected lines of numbers, found none"),
+        ("3\n1 2 3\n4 5 6\n", "truncated; its first line says 3 points, 2 are there"),
+        ("3\n1 2\n", "can't be read as a text file of points"),
         ("1\n2\n", "expected 2 or more columns, found 1"),
         ("1 2 3\n4 5\n", "can't be read as a text file of points"),
         ("1,2,3\n4,5,\n", "can't be read as a text file of points"),

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from hilbertvae.cloud import cloud_from_scans
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from hilbertvae.scans.rounded import LEFT_OVER_M, digits_kept, warn_if_rounded
 from toy_rooms import carmen_line, write_log
@@ -81,3 +82,15 @@ def test_a_text_cloud_and_a_log_in_few_digits_are_told(tmp_path):
     log = write_log(tmp_path / "a.log", [carmen_line(np.full(180, 2.0), [float(f"{x:g}"), float(f"{y:g}"), 0.1]) for x, y, _ in points])
     with pytest.warns(UserWarning, match="a.log: its places, up to 5376550 m, have at most 6 digits, which keep them to 10 m"):
         read_scans_path(str(log), ReadingSettings())
+
+
+@pytest.mark.parametrize("origin", [[450000.0, 5400000.0, 301.5], [450000.0, 5399996.0, 301.7]])
+def test_an_origin_of_round_numbers_is_of_no_few_bits_or_digits(tmp_path, recwarn, origin):
+    points = np.random.default_rng(0).uniform(size=(50, 3)) * 8 + origin
+    np.savez(tmp_path / "a.npz", points=points, origins=np.array(origin))
+    read_scans_path(str(tmp_path / "a.npz"), ReadingSettings())
+    for origins in (origin, [origin], np.array(origin)):
+        cloud_from_scans(points if np.ndim(origins) == 1 else [points], origins)
+    assert not recwarn.list
+    with pytest.warns(UserWarning, match="origins: its coordinates, up to 5[0-9]* m, are in single precision"):
+        cloud_from_scans(points, np.float32(origin) + np.float32(0.3))

@@ -36,6 +36,8 @@ def read_point_cloud(message) -> np.ndarray:
 
     Raises `InputError` for a cloud without x, y and z, and for one whose sizes contradict each other or the data's, before memory is taken.
     """
+    if not message.width * message.height:  # of a node that had seen nothing yet; it may lack its fields, too
+        return np.empty((0, 3))
     names = [field.name for field in message.fields]
     if not {"x", "y", "z"} <= set(names):
         raise InputError(f"expected fields x, y, z, the cloud has {' '.join(names)[:60] or 'none'}")
@@ -46,8 +48,9 @@ def read_column(message, name: str) -> np.ndarray:
     """(N,) of the numbers that a field of a `PointCloud2` has, row by row, as they are; errors as `read_point_cloud`'s."""
     field = {field.name: field for field in message.fields}[name]
     width, height, step = message.width, message.height, message.point_step
-    row = message.row_step if height > 1 else width * step  # drivers of clouds without rows leave it at 0
     data = np.asarray(message.data, dtype=np.uint8)
+    # Drivers of clouds without rows leave the step of a row at 0, and others with rows that have nothing between them set it wrongly.
+    row = message.row_step if height > 1 and len(data) != width * height * step else width * step
     needed = (height - 1) * row + width * step
     if width * height == 0:
         return np.empty(0)

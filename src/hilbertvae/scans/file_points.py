@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ class FilePoints:
     origins: (N, D) or (D,) float64, metres, the file's frame: where the beams started; None where the file does not say.
     scan: (N,) integers, the sweep a return belongs to; None where the file is one sweep.
     pose: (3, 4), what the reader has taken the points of its one sweep to the file's frame by; None where it moved none.
+    origin_type: as which the file has the origins; float64 if not told.
     named: False for a table without names, of whose columns the first ones were taken as x, y and z.
     """
 
@@ -35,6 +36,7 @@ class FilePoints:
     scan: np.ndarray | None = None
     pose: np.ndarray | None = None
     named: bool = True
+    origin_type: np.dtype = field(default=np.dtype(np.float64))
 
 
 class NoRows(InputError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.apart import read_apart
 from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, reading
+from hilbertvae.scans.las_units import metres_per_unit
 
 HEADER_BYTES = 375
 RECORD_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
@@ -34,10 +36,12 @@ class _Header:
     scale: np.ndarray
     offset: np.ndarray
     packed: bool
+    unit_m: np.ndarray
 
 
 def read_las(path: str | os.PathLike) -> FilePoints:
-    """The points, metres, file frame (often UTM: float64 keeps the centimetre). LAS has no place for an origin.
+    """The points, metres, file frame (often UTM: float64 keeps the centimetre). LAS has no place for an origin. Feet, where the file says
+    that its coordinates are such, become metres, with a warning.
 
     Points marked as withheld, which the format's specification takes as deleted, are NaN: they keep their place in the file's order.
     No backend of laspy stands a damaged LAZ file: laszip writes where it should not and lazrs ends the interpreter. So LAZ is
@@ -57,6 +61,9 @@ def read_las(path: str | os.PathLike) -> FilePoints:
             counts = np.column_stack([rows[axis] for axis in "xyz"])
             withheld = rows["flags"] & header.withheld != 0
         points = counts * header.scale + header.offset
+        if (header.unit_m != 1).any():
+            points *= header.unit_m
+            warnings.warn(f"{path}: its coordinates are in feet, as its header says, and are made metres", stacklevel=3)
         points[withheld] = np.nan
         return FilePoints(points)
 
@@ -83,7 +90,9 @@ def _header(path: Path, file) -> _Header:
     if not np.isfinite(numbers).all() or (numbers[:3] <= 0).any() or np.abs(numbers).max() > 1e12:
         raise InputError(f"{path}: expected positive scales and finite offsets, got {numbers.tolist()}")
     withheld = OLD_WITHHELD if form < 6 else NEW_WITHHELD
-    return _Header(size, data_start, count, record_bytes, withheld, numbers[:3], numbers[3:], packed)
+    file.seek(header_bytes)
+    unit_m = metres_per_unit(file.read(data_start - header_bytes), blocks)
+    return _Header(size, data_start, count, record_bytes, withheld, numbers[:3], numbers[3:], packed, unit_m)
 
 
 def _unpacked_apart(path: Path, file, header: _Header) -> tuple[np.ndarray, np.ndarray]:

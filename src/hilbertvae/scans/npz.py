@@ -33,7 +33,9 @@ def read_npz(path: str | os.PathLike) -> FilePoints:
             if scan.min() < 0 or scan.max() >= len(origins):
                 raise InputError(f"{path}: expected scan numbers of 0 to {len(origins) - 1}, a row of origins each")
             origins = origins[scan]
-        return FilePoints(points, None if origins is None else np.asarray(origins, dtype=np.float64), scan)
+        if origins is None:
+            return FilePoints(points, None, scan)
+        return FilePoints(points, np.asarray(origins, dtype=np.float64), scan, origin_type=origins.dtype)
 
 
 def _check(path: Path, archive: zipfile.ZipFile, headers: dict) -> None:

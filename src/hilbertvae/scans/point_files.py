@@ -94,7 +94,7 @@ def read_point_file(
     unit.warn(path)
     warn_if_rounded(points, path)
     if found.origins is not None:
-        warn_if_rounded(found.origins, path, "origins")
+        warn_if_rounded(found.origins, path, "origins", found.origin_type)
     kept = within_range(lengths, min_range_m, max_range_m) & (scan % every == 0)
     if not kept.any():
         raise InputError(

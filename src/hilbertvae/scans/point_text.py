@@ -38,16 +38,19 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
     A first line that is not numbers names the columns, as many as rows have: x, y and, in 3D, z are then found by name, whatever stands
     beside them. Names may have spaces in them where tabs, commas or semicolons stand between. So does
     the last comment ahead of the numbers, if it has a word for each column and x and y among them, as numpy and CloudCompare write it.
-    Other lines that start with # or // are passed over. Rows may end in a delimiter. `nan` is a beam without a return,
-    as is a row of delimiters alone. Raises `InputError` for anything else.
+    Other lines that start with # or // are passed over, and so is a first line with the count of points, of which there may not be fewer.
+    Rows may end in a delimiter. `nan` is a beam without a return, as is a row of delimiters alone. Raises `InputError` for anything else.
     """
     path = Path(path)
     with reading(path, "a text file of points"), open(path, "rb") as file:
         if file.read(len(BYTE_ORDER_MARK)) != BYTE_ORDER_MARK:
             file.seek(0)
-        start, first, comment, above = file.tell(), b"", b"", 0
+        start, first, comment, above, counted = file.tell(), b"", b"", 0, None
         for line in iter(lambda: file.readline(MAX_LINE), b""):
             first = line.strip()
+            if counted is None and first.isdigit() and _is_wide(file):
+                counted, first, start, above = int(first), b"", file.tell(), above + 1
+                continue
             if first and not first.startswith((b"#", b"//")):
                 break
             comment = first or comment
@@ -73,9 +76,19 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
             table = number_table(lines, delimiter, columns)
         if not len(table):
             raise NoRows(f"{path}: expected lines of numbers, found none")
+        if counted is not None and counted > len(table):
+            raise InputError(f"{path}: truncated; its first line says {counted} points, {len(table)} are there")
         if table.shape[1] < 2:
             raise InputError(f"{path}: expected 2 or more columns, found {table.shape[1]}")
         return FilePoints(table[:, commented or slice(3)], named=bool(columns or commented))
+
+
+def _is_wide(file) -> bool:
+    """Whether the next line has three columns or more, so that a whole number above it is their count, as PTS and CloudCompare write."""
+    place = file.tell()
+    columns = re.split(rb"[\s,;]+", file.readline(MAX_LINE).strip())
+    file.seek(place)
+    return len(columns) > 2
 
 
 def _first_row(file) -> bytes:

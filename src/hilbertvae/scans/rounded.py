@@ -10,6 +10,7 @@ import numpy as np
 ROUNDED_M = 0.025
 """Numbers that are kept to more than this move walls: a quarter of the smallest cell that maps have unless told otherwise."""
 PRECISIONS = ((np.float16, "half"), (np.float32, "single"))
+FEW_PLACES = 8
 LOOKED_AT = 64
 """Numbers that settle nearly always that others have more digits."""
 DIGITS = (6, 7)
@@ -53,8 +54,13 @@ def _is_kept_in(points: np.ndarray, kind: type, step_m: float) -> bool:
     return bool(alike and (step_m >= 1 or (finite != np.round(finite)).any()))
 
 
-def warn_if_rounded(points: np.ndarray, path: str | os.PathLike, what: str = "coordinates") -> None:
-    """`RoundedCheck` of one scan (N, D)."""
+def warn_if_rounded(points: np.ndarray, path: str | os.PathLike, what: str = "coordinates", came_as: np.dtype | None = None) -> None:
+    """`RoundedCheck` of one scan (N, D). came_as: their type in a file or an array, where that is known: of a few places in float64
+    nothing is asked, since round ones have few bits and digits, too."""
+    if came_as is not None and np.dtype(came_as).itemsize >= 8:
+        places = np.atleast_2d(points)
+        if np.count_nonzero((places[1:] != places[:-1]).any(axis=1)) < FEW_PLACES:
+            return
     check = RoundedCheck(what)
     check.see(points)
     check.warn(path)

@@ -1,0 +1,64 @@
+import struct
+
+import numpy as np
+import pytest
+from point_writers import POINTS, write_las
+
+from hilbertvae.scans.las import read_las
+from hilbertvae.scans.las_units import metres_per_unit
+
+FOOT, US_FOOT = 0.3048, 1200 / 3937
+US = 'UNIT["US survey foot",0.3048006096012192,AUTHORITY["EPSG","9003"]]'
+DEGREES = 'GEOGCS["NAD83",DATUM["d",SPHEROID["s",6378137,298.25]],UNIT["degree",0.0174532925199433]]'
+
+
+def record(user, number, content):
+    return struct.pack("<2x16sHH32x", user, number, len(content)) + content
+
+
+def geo_keys(*keys):
+    return record(b"LASF_Projection", 34735, struct.pack(f"<{4 + 4 * len(keys)}H", 1, 1, 0, len(keys), *np.ravel(keys).astype(int)))
+
+
+def wkt(text):
+    return record(b"LASF_Projection", 2112, text.encode() + b"\0")
+
+
+@pytest.mark.parametrize(
+    ("records", "expected"),
+    [
+        ([], [1, 1, 1]),
+        ([geo_keys((3076, 0, 1, 9003))], [US_FOOT] * 3),
+        ([geo_keys((1024, 0, 1, 1), (3076, 0, 1, 9002), (4099, 0, 1, 9001))], [FOOT, FOOT, 1]),
+        ([geo_keys((3076, 0, 1, 9001), (4099, 0, 1, 9003))], [1, 1, US_FOOT]),
+        ([geo_keys((3076, 34736, 1, 9002))], [1, 1, 1]),  # its value is elsewhere
+        ([record(b"somebody", 34735, b"\1\0" * 8), geo_keys((3076, 0, 1, 9002))], [FOOT] * 3),
+        ([wkt(f'PROJCS["p",{DEGREES},{US}]')], [0.3048006096012192] * 3),
+        ([wkt(f'PROJCS["p",{DEGREES},UNIT["metre",1]]')], [1, 1, 1]),
+        (
+            [wkt(f'COMPD_CS["c",PROJCS["p",{DEGREES},{US}],VERT_CS["v",VERT_DATUM["d",2005],UNIT["metre",1]]]')],
+            [0.3048006096012192] * 2 + [1],
+        ),
+        ([wkt(f'COMPD_CS["c",PROJCS["p",{DEGREES},UNIT["metre",1]],VERT_CS["v",{US}]]')], [1, 1, 0.3048006096012192]),
+        ([wkt('PROJCRS["p",CS[Cartesian,2],AXIS["x",east],LENGTHUNIT["foot", 0.3048]]')], [FOOT] * 3),
+        ([wkt("PROJCS[")], [1, 1, 1]),
+        ([geo_keys((3076, 0, 1, 9002))[:60]], [1, 1, 1]),  # cut off
+    ],
+)
+def test_what_records_say(records, expected):
+    np.testing.assert_allclose(metres_per_unit(b"".join(records), len(records)), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["a.las", "a.laz"])
+def test_feet_become_metres_with_a_warning(tmp_path, name):
+    laspy = pytest.importorskip("laspy")
+    path = write_las(tmp_path / name)
+    with laspy.open(path) as opened:
+        header, packed = opened.header, opened.read()
+    header.vlrs.append(laspy.VLR("LASF_Projection", 34735, record_data=geo_keys((3076, 0, 1, 9003))[54:]))
+    given = laspy.LasData(header)
+    given.x, given.y, given.z = packed.x, packed.y, packed.z
+    given.write(str(path))
+    with pytest.warns(UserWarning, match=f"{name}: its coordinates are in feet, as its header says, and are made metres"):
+        points = read_las(path).points
+    np.testing.assert_allclose(points, POINTS * US_FOOT, atol=0.001)
