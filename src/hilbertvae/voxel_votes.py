@@ -23,6 +23,9 @@ MOST_ALONG = {2: 2**34, 3: 2**22}
 """Voxels along an axis: as many as a map's bricks tell apart (`mappers/voxel_bricks.py`)."""
 MOST_SAMPLES = 1e6
 """Of one beam, whose samples lie in memory at once: 100 km in cells of 0.1 m."""
+MARGIN = 2.0**-18
+"""Of a voxel's side: so near to it no place comes, lest it is carried across, by rounding or by the slack of a grid's cells
+(`grids/aligned_grid.py`): returns in whole centimetres lie on sides of voxels."""
 FARTHEST = 2.0**44
 """Voxels from the origin; beyond, centres of voxels would lose their digits."""
 BYTES_A_VOXEL = 1000
@@ -33,6 +36,11 @@ def voxel_index(points: np.ndarray, resolution_m: float) -> np.ndarray:
     """(N, D) int64: the voxel of each point, on the lattice through the map's origin; of one beyond all lattices, the least number."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.floor(points / resolution_m).astype(np.int64)
+
+
+def inside_voxels(points: np.ndarray, resolution_m: float, index: np.ndarray) -> np.ndarray:
+    """(N, D) the points, each off the sides of its voxel `index (N, D)` by `MARGIN`."""
+    return np.clip(points, (index + MARGIN) * resolution_m, (index + (1 - MARGIN)) * resolution_m)
 
 
 @dataclass(frozen=True)
@@ -159,7 +167,7 @@ def _merged(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.
 
 def _means(count: np.ndarray, sums: np.ndarray, low: np.ndarray, index: np.ndarray, resolution_m: float) -> np.ndarray:
     """(V, D) metres, in their own voxels: rounding carries the mean of samples on a voxel's side across it, out of reach of its gap."""
-    mean = sums / np.maximum(count, 1)[:, None] + low
+    mean = inside_voxels(sums / np.maximum(count, 1)[:, None] + low, resolution_m, index)
     across = voxel_index(mean, resolution_m) != index
     return mean + np.where(across, 1e-6 * ((index + 0.5) * resolution_m - mean), 0.0)
 

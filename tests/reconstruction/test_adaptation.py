@@ -1,3 +1,4 @@
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -100,3 +101,13 @@ def test_networks_of_another_kind_are_refused(room):
     for network in (silent, squared):
         with pytest.raises(InputError, match="adapt_steps: expected a network that answers with logits"):
             adapted(network, *pairs, steps=1, seed=0)
+
+
+def test_threads_and_large_seeds_change_nothing(room):
+    before, pairs = tiny_reconstructor(), pairs_of(room, 1)
+    state = torch.random.get_rng_state()
+    alone = adapted(before, *pairs, steps=3, seed=0).fingerprint()
+    with ThreadPoolExecutor(2) as pool:
+        together = list(pool.map(lambda seed: adapted(before, *pairs, steps=3, seed=seed).fingerprint(), [0, 0, 2**64]))
+    assert together[:2] == [alone] * 2 and together[2] != alone
+    assert torch.equal(torch.random.get_rng_state(), state)

@@ -169,6 +169,14 @@ def forged(path, change):
         lambda described: {**described, "likelihood": {"kind": "poisson"}},
         lambda described: {key: value for key, value in described.items() if key != "network"},
         lambda described: {key: value for key, value in described.items() if key != "weights"},
+        lambda described: {**described, "resolution_m": -1},
+        lambda described: {**described, "resolution_m": None},
+        lambda described: {**described, "weights": None},
+        lambda described: {**described, "weights": {"voxels": [1]}},
+        lambda described: {**described, "weights": {"voxels": {"unseen": ["a"]}}},
+        lambda described: {**described, "weights": {"voxels": {"unseen": [float("nan")]}}},
+        lambda described: {**described, "card": None},
+        lambda described: json.dumps(described).replace('"dimension": 2', '"dimension": ' + "2" * 5000),
     ],
 )
 def test_settings_that_do_not_fit_the_weights(tmp_path, change):
@@ -239,3 +247,28 @@ def test_what_would_be_known_over_symmetries_by_hand(dimension, flips):
     found, unknown = made.complete(grids, flips=flips).known, grids == 0
     np.testing.assert_allclose(found[unknown], total[unknown] / flips, rtol=0, atol=1.01)  # each was rounded
     assert found[unknown].std() > 2 and (found[~unknown] == 255).all()
+
+
+def test_weights_that_are_no_numbers_and_scales_of_another_shape_are_refused(tmp_path):
+    made = tiny_reconstructor()
+    next(made.network.parameters()).data.fill_(np.nan)
+    with pytest.raises(InputError, match="model.safetensors: .*expected finite weights, got NaN or inf"):
+        Reconstructor.load(made.save(tmp_path / "model.safetensors"))
+    path = tiny_reconstructor().save(tmp_path / "packed.safetensors", packed=True)
+    with safe_open(path, framework="pt") as file:
+        metadata, tensors = file.metadata(), {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    scale = next(name for name in tensors if name.endswith(".scale"))
+    save_file(tensors | {scale: tensors[scale][:1]}, path, metadata=metadata)
+    with pytest.raises(InputError, match=f"packed.safetensors: .*{scale}: expected shape .* a scale per channel"):
+        Reconstructor.load(path)
+
+
+def test_a_default_of_torch_changes_no_network(tmp_path):
+    path = tiny_reconstructor().save(tmp_path / "model.safetensors")
+    usual = Reconstructor.load(path).fingerprint()
+    before = torch.get_default_dtype()
+    try:
+        torch.set_default_dtype(torch.float64)
+        assert Reconstructor.load(path).fingerprint() == usual
+    finally:
+        torch.set_default_dtype(before)

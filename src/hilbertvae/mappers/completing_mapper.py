@@ -21,6 +21,7 @@ from hilbertvae.reconstruction.adaptation import adapted, batch_size
 from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
 from hilbertvae.reconstruction.symmetry import check_flips
+from hilbertvae.voxel_votes import inside_voxels, voxel_index
 
 CUT_GAPS_M = (1.5, 3.5)
 """Diameters of the gaps of each clustering that a network learns from, as in training."""
@@ -104,8 +105,12 @@ class CompletingMapper(Mapper):
 
     def _as_kept(self, cloud: Cloud) -> Cloud:
         """The cloud, or as the map keeps it, one point a voxel and label, where that is less: boxes that a later scan touches are made anew
-        from that, and they alone would lose what is finer."""
-        return self.evidence_.cloud() if self.evidence_.point_count() < len(cloud) else cloud
+        from that, and they alone would lose what is finer. No point lies on the side of a voxel, where a grid may take it for the next."""
+        if self.evidence_.point_count() < len(cloud):
+            return self.evidence_.cloud()
+        resolution_m = self.evidence_.resolution_m
+        points = inside_voxels(cloud.points, resolution_m, voxel_index(cloud.points, resolution_m))
+        return Cloud(points, cloud.occupied, cloud.weight)
 
     def _complete_boxes(self, cloud: Cloud, frames: Frames) -> Completion:
         """What the network makes of the cloud in the boxes of `frames`."""
@@ -160,7 +165,7 @@ class CompletingMapper(Mapper):
         shown, target = [], []
         wanted = self.adapt_steps * batch_size(network)
         for number in range(MOST_CLUSTERINGS):
-            seed = self.seed + 1000 * (number + 1)  # others than those of the map's own clusters
+            seed = int(self.seed) + 1000 * (number + 1)  # others than those of the map's own clusters
             try:
                 pair = gapped_grids(cloud, self.evidence_.resolution_m, self.grid_, CUT_GAPS_M, seed, network.detailed, wanted)
             except NoRoom:

@@ -13,7 +13,7 @@ from hilbertvae.cores import workers
 from hilbertvae.mappers.growing_array import GrowingArray
 from hilbertvae.mappers.voxel_bricks import NONE, VoxelBricks
 from hilbertvae.sums import sums_by
-from hilbertvae.voxel_votes import voxel_index
+from hilbertvae.voxel_votes import MARGIN, voxel_index
 
 FAR_VOXELS = 2.0
 """Distances are cut off here: the block of neighbours that is searched reaches no farther."""
@@ -22,8 +22,6 @@ NEAR_M = 2.5
 """How far from what was seen, along each axis, `away` reaches: as far as real occlusion is scored (METHOD 7)."""
 BRICKS_AT_ONCE = 64
 """Few enough that their votes stay in the processor's cache. Changes no number."""
-MARGIN = 2.0**-24
-"""Of a voxel's side: so near to it no mean position comes, lest rounding carries it across."""
 
 _ONE_AT_A_TIME = Lock()
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import replace
+from threading import Lock
 
 import numpy as np
 import torch
@@ -40,6 +41,9 @@ def batch_size(reconstructor: Reconstructor) -> int:
     return max(1, round(BATCH_CELLS / reconstructor.grid.cells**reconstructor.dimension))
 
 
+_ONE_AT_A_TIME = Lock()
+
+
 @torch.inference_mode(False)  # whoever maps may have said that nothing is to be learned
 @torch.enable_grad()
 def adapted(
@@ -58,8 +62,10 @@ def adapted(
     augmentation, dimension = _augmentation(reconstructor), reconstructor.dimension
     numbers = training_type(device, dimension, convolutions(reconstructor.network_settings, reconstructor.grid.cells))
     rng, grids = np.random.default_rng(seed), [torch.from_numpy(part) for part in (shown, target)]
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
+    used = [torch.device(device)] if torch.device(device).type == "cuda" else []
+    # One at a time: what is drawn comes from the generator of the whole process, which is as it was afterwards.
+    with _ONE_AT_A_TIME, torch.random.fork_rng(used):
+        torch.manual_seed(seed % (2**63 - 1))
         network.train()
         for _ in track(range(steps), "Learning from the site", transient=True):
             drawn = np.sort(rng.choice(len(shown), min(batch_size(reconstructor), len(shown)), replace=False))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import torch
 from torch import nn
 
 from hilbertvae.checks import InputError
@@ -33,4 +34,5 @@ def build_network(settings: NetworkSettings, dimension: int, cells: int) -> nn.M
     kinds = {made_with: kind for kind, (made_with, _) in NETWORKS.items()}
     if settings.kind != kinds[type(settings)]:  # the settings' class decides which keys there are, and is chosen as a whole
         raise InputError(f"network.kind: expected {kinds[type(settings)]!r}, as the chosen network has, got {settings.kind!r}")
-    return NETWORKS[settings.kind][1](settings, dimension, cells).to(memory_format=CHANNELS_LAST[dimension])
+    made = NETWORKS[settings.kind][1](settings, dimension, cells)
+    return made.to(torch.float32, memory_format=CHANNELS_LAST[dimension])  # whatever a caller's default is

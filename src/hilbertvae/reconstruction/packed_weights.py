@@ -5,6 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from hilbertvae.checks import InputError
+
 SCALE = ".scale"
 MOST = 127
 
@@ -27,10 +29,14 @@ def pack(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
 
 
 def unpack(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """The inverse of `pack`, in float32; tensors that were never packed pass as they are."""
+    """The inverse of `pack`, in float32; tensors that were never packed pass as they are. An `InputError` for scales of another shape."""
     scales = {
         name for name in tensors if name.endswith(SCALE) and tensors.get(name.removesuffix(SCALE), torch.empty(0)).dtype == torch.int8
     }
+    for name in scales:
+        wanted = tuple(tensors[name.removesuffix(SCALE)].shape[:1])
+        if tuple(tensors[name].shape) != wanted:
+            raise InputError(f"{name}: expected shape {wanted}, a scale per channel, got {tuple(tensors[name].shape)}")
     return {
         name: tensor.float() * _along(tensors[name + SCALE], tensor) if name + SCALE in scales else tensor
         for name, tensor in tensors.items()

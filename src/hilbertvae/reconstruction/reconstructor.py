@@ -16,7 +16,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import nn
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_cell_m, check_finite
 from hilbertvae.files import atomic
 from hilbertvae.grids.cluster_grids import GridSettings, labels_of
 from hilbertvae.reconstruction.blocks import is_detailed
@@ -174,6 +174,7 @@ class Reconstructor:
             likelihood = LikelihoodSettings(**described["likelihood"])
             network = build_network(settings, described["dimension"], grid.cells)
             network.load_state_dict(unpack(tensors))
+            _check_kept(network, described)
             return cls(
                 network=network,
                 network_settings=settings,
@@ -184,5 +185,24 @@ class Reconstructor:
                 map_weights=described["weights"],
                 card=described["card"],
             )
-        except (InputError, KeyError, TypeError, AttributeError, RuntimeError, json.JSONDecodeError) as error:
+        except (KeyError, TypeError, AttributeError, RuntimeError, ValueError, OverflowError) as error:
             raise InputError(f"{path}: the checkpoint's settings and weights don't fit together ({error})") from error
+
+
+def _check_kept(network: nn.Module, described: dict) -> None:
+    """An `InputError` that names what in a file can be no network's or no map's: it would answer with NaN, or fail when a map is made."""
+    for name, tensor in network.state_dict().items():
+        if not torch.isfinite(tensor).all():
+            raise InputError(f"{name}: expected finite weights, got NaN or inf")
+    check_cell_m(described["resolution_m"], "resolution_m")
+    for key in ("weights", "card"):
+        if not isinstance(described[key], dict):
+            raise InputError(f"{key}: expected an object, got {described[key]!r:.60}")
+        check_finite(described[key], key)
+    for calibration, learned in described["weights"].items():
+        if not isinstance(learned, dict) or not all(map(_is_of_numbers, learned.values())):
+            raise InputError(f"weights.{calibration}: expected numbers and flat lists of them, got {learned!r:.60}")
+
+
+def _is_of_numbers(value: object) -> bool:
+    return all(isinstance(one, (int, float)) for one in (value if isinstance(value, list) else [value]))
