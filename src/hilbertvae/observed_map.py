@@ -141,6 +141,7 @@ def ros_map_header(path: str | os.PathLike) -> RosHeader:
     if missing:
         raise InputError(f"{path}: expected the key{'s' * (len(missing) > 1)} {', '.join(missing)} of a map_server map")
     image, origin, mode = content["image"], content["origin"], content.get("mode", "trinary")
+    mode = mode.lower() if isinstance(mode, str) else mode  # as Nav2 takes it
     if not isinstance(image, str) or not image or "\0" in image:
         raise InputError(f"{path}: image: expected the name of a file, got {_said(image)}")
     if not isinstance(origin, list) or len(origin) != 3:

@@ -93,11 +93,11 @@ class BagOf:
         ) | changes  # fmt: skip
         self.put(topic, seconds, self.make("sensor_msgs/PointCloud2", **values))
 
-    def transform(self, topic, seconds, parent, child, pose):
+    def transform(self, topic, seconds, parent, child, pose, recorded=None):
         place, quaternion = self._pose(pose)
         move = self.make("geometry_msgs/Transform", self.make("geometry_msgs/Vector3", *place), quaternion)
         each = self.make("geometry_msgs/TransformStamped", self.header(parent, seconds), child, move)
-        self.put(topic, seconds, self.make("tf2_msgs/TFMessage", [each]))
+        self.put(topic, seconds if recorded is None else recorded, self.make("tf2_msgs/TFMessage", [each]))
 
     def odometry(self, topic, seconds, parent, child, pose):
         place, quaternion = self._pose(pose)

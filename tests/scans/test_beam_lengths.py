@@ -5,7 +5,7 @@ import pytest
 from point_writers import POINTS, random_poses, write_drive, write_text
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
+from hilbertvae.scans.beam_lengths import ClippedCheck, UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from toy_rooms import carmen_line, write_log
 
@@ -90,3 +90,30 @@ def test_what_a_laser_writes_where_nothing_came_back_is_no_beam_too_long():
     near = np.random.default_rng(0).uniform(1, 20, (4, 60))
     for code in (81.83, np.inf, np.nan):
         assert told(np.hstack([near, np.full((4, 120), code)]), 30.0) == []
+
+
+def clipped(*scans):
+    check = ClippedCheck(80.0)
+    for ranges in scans:
+        check.see(np.array(ranges, float))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        check.warn("a")
+    return [str(warning.message) for warning in caught]
+
+
+def test_a_code_for_no_return_is_seen_behind_a_stray_range():
+    scan = [*np.linspace(1, 3.9, 60), *[4.0] * 40]
+    assert "40 % of all ranges are the largest, 4.0 m" in clipped(scan, scan)[0]
+    (said,) = clipped(*[scan] * 4, [*scan, 27.3])
+    assert "40 % of all ranges are 4.0 m, and hardly any is longer" in said
+    assert not clipped([*scan, *np.linspace(5, 20, 40)]) and not clipped([4.0] * 50) and not clipped([np.nan, np.inf])
+    assert not clipped([1.0, 80.0, 80.0])  # dropped anyway
+
+
+def test_all_ranges_of_no_return_are_told_as_such():
+    check = UnitCheck(30.0)
+    check.see(np.full(180, 81.91))
+    assert check.hint(30.0) == "; all of them are 81.91 m long, as lasers write where there is no return"
+    check.see(np.linspace(100, 200, 50))
+    assert "half of the beams are longer than 150 m" in check.hint(30.0)

@@ -63,7 +63,7 @@ def test_a_sweep_that_saw_little_fits_many_planes():
 @pytest.mark.parametrize(("heights", "leanings_deg"), [(np.linspace(0, 2, 10), np.zeros(10)), (np.zeros(10), np.linspace(-10, 10, 10))])
 def test_a_laser_that_is_lifted_or_nodded_sees_in_three_dimensions(heights, leanings_deg):
     scans = placed(*posed(heights, leanings_deg))
-    with pytest.warns(UserWarning, match="beyond 0.5 m and 2 degrees the map is of three dimensions. Poses of x, y and heading make it"):
+    with pytest.warns(UserWarning, match="beyond 0.5 m or 2 degrees the map is of three dimensions. Poses of x, y and heading make it"):
         assert as_plan(scans, "drive") is scans
 
 

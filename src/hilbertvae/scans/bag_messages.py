@@ -11,6 +11,8 @@ DIMENSIONS = {LASER_SCAN: 2, POINT_CLOUD: 3}
 """By type of message, in `rosbags`' spelling, which is ROS 2's for both."""
 NUMBER_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """By `PointField.datatype`."""
+MOST_TURN = 4 * np.pi
+"""From a laser's first beam to its last: twice around, which none goes."""
 
 
 def read_laser_scan(message) -> np.ndarray:
@@ -24,6 +26,8 @@ def read_laser_scan(message) -> np.ndarray:
     first, step, low, high = (float(getattr(message, name)) for name in ("angle_min", "angle_increment", "range_min", "range_max"))
     if not np.isfinite([first, step, low]).all() or np.isnan(high):
         raise InputError(f"expected angles and a range_min that are numbers, got {first}, {step} and {low}, range_max {high}")
+    if len(ranges) > 1 and not 0 < abs(step) * (len(ranges) - 1) <= MOST_TURN:
+        raise InputError(f"expected beams side by side, got {len(ranges)} that are {step} rad apart (angle_increment)")
     high = high if high > low else np.inf
     returned = np.isfinite(ranges) & (ranges > 0) & (ranges >= low) & (ranges < high)
     ranges = np.where(returned, ranges, np.nan)

@@ -18,22 +18,35 @@ FIXED_FRAMES = ("map", "odom")
 
 
 @dataclass
+class Odometry:
+    """The poses that one topic has, in `frame`, of `base`."""
+
+    frame: str
+    base: str
+    track: PoseTrack
+    count: int = 0
+
+
+@dataclass
 class BagPoses:
     """The transforms and the odometry of a bag, and which of them say where a sensor was.
 
-    fixed_frame: the frame that poses are in; None takes the first of `FIXED_FRAMES` that a chain of transforms leads to from the
-    sensor, and else odometry's frame. A sensor that stood still has its own frame as `fixed_frame`.
+    fixed_frame: the frame that poses are in; None takes the first of `FIXED_FRAMES` that a chain leads to from the sensor, of transforms
+    or of odometry and transforms, and else odometry's frame. A sensor that stood still has its own frame as `fixed_frame`. odometry: the
+    topic whose odometry is wanted, also where transforms say where the sensor was; None takes, where it is needed, one that transforms
+    connect to the sensor, and of several the one with most messages.
     """
 
     fixed_frame: str | None = None
+    odometry: str | None = None
     tree: TransformTree = field(default_factory=TransformTree)
-    odometry: PoseTrack | None = None
-    odometry_frame: str = ""
-    base_frame: str = ""
-    """What odometry says the pose of."""
-    assumed: set[str] = field(default_factory=set)
-    """Sensors that no transform places on the base frame, taken to be there."""
-    _by_odometry: dict[str, bool] = field(default_factory=dict)
+    tracks: dict[str, Odometry] = field(default_factory=dict)
+    """By topic."""
+    assumed: dict[str, str] = field(default_factory=dict)
+    """Sensors that no transform places on the base frame, taken to be there, and that frame."""
+    others: dict[str, list[str]] = field(default_factory=dict)
+    """By the topic whose odometry is used: those that would have done as well."""
+    _by: dict[str, Odometry | None] = field(default_factory=dict)
 
     def add_transforms(self, transforms: Iterable, static: bool) -> None:
         """The transforms of one message; static ones hold at all times."""
@@ -41,12 +54,14 @@ class BagPoses:
             stamp, move = each.header.stamp, each.transform
             self.tree.add(each.header.frame_id, each.child_frame_id, nanoseconds(stamp), move.translation, move.rotation, static)
 
-    def add_odometry(self, message) -> None:
-        """One message of the topic of odometry."""
-        if self.odometry is None:
-            self.odometry_frame, self.base_frame = message.header.frame_id.lstrip("/"), message.child_frame_id.lstrip("/")
-            self.odometry = PoseTrack("odometry")
-        self.odometry.add(nanoseconds(message.header.stamp), message.pose.pose.position, message.pose.pose.orientation)
+    def add_odometry(self, topic: str, message) -> None:
+        """One message of a topic of odometry."""
+        if topic not in self.tracks:
+            frames = message.header.frame_id.lstrip("/"), message.child_frame_id.lstrip("/")
+            self.tracks[topic] = Odometry(*frames, PoseTrack(f"odometry of {topic}"))
+        one = self.tracks[topic]
+        one.track.add(nanoseconds(message.header.stamp), message.pose.pose.position, message.pose.pose.orientation)
+        one.count += 1
 
     def at(self, sensor: str, stamp_ns: int) -> np.ndarray | None:
         """(4, 4): takes points of the sensor's frame to the fixed frame; None where nothing says so for that time.
@@ -54,35 +69,55 @@ class BagPoses:
         Raises `InputError`, with the frames there are, where nothing says so at all.
         """
         sensor = sensor.lstrip("/")
-        if sensor not in self._by_odometry:
-            self._by_odometry[sensor] = self._choose(sensor)
-        if not self._by_odometry[sensor]:
+        if sensor not in self._by:
+            self._by[sensor] = self._choose(sensor)
+        by = self._by[sensor]
+        if by is None:
             return self.tree.pose(self.fixed_frame, sensor, stamp_ns)
-        base = self.odometry.at(stamp_ns)
-        if base is None or sensor in self.assumed:
-            return base
-        mounted = self.tree.pose(self.base_frame, sensor, stamp_ns)
-        return None if mounted is None else base @ mounted
+        pose = by.track.at(stamp_ns)
+        for way, first in (((by.base, sensor), False), ((self.fixed_frame, by.frame), True)):
+            if pose is None or way[0] == way[1] or (not first and sensor in self.assumed):
+                continue
+            step = self.tree.pose(*way, stamp_ns)
+            pose = None if step is None else step @ pose if first else pose @ step
+        return pose
 
-    def _choose(self, sensor: str) -> bool:
-        """Whether a sensor's poses are odometry's; settles `fixed_frame` for all sensors."""
+    def _choose(self, sensor: str) -> Odometry | None:
+        """The odometry whose a sensor's poses are, or None where they are the transforms'; settles `fixed_frame` for all sensors."""
         wanted = (self.fixed_frame.lstrip("/"),) if self.fixed_frame else FIXED_FRAMES
         for fixed in wanted:
-            if self.tree.connects(fixed, sensor) and (fixed != sensor or self.fixed_frame):
+            if not self.odometry and self.tree.connects(fixed, sensor) and (fixed != sensor or self.fixed_frame):
                 self.fixed_frame = fixed
-                return False
-        if self.odometry is None or (self.fixed_frame and self.odometry_frame != wanted[0]):
+                return None
+            led = {topic: one for topic, one in self.tracks.items() if one.frame == fixed or self.tree.connects(fixed, one.frame)}
+            if led and (self.fixed_frame or self._linked(led, sensor)):
+                return self._of(led, sensor, fixed)
+        if not self.tracks or self.fixed_frame:
             known = f"frames of transforms: {', '.join(self.tree.frames) or 'none'}"
-            known += f"; odometry in {self.odometry_frame}" if self.odometry else "; no odometry"
+            frames = sorted({one.frame for one in self.tracks.values()})
+            known += f"; odometry in {', '.join(frames)}" if frames else "; no odometry"
             still = f", or to {sensor} if the sensor stood still" if sensor else ""
             raise InputError(
                 f"nothing says where {sensor!r} was in {' or '.join(wanted)} ({known}). Set reading.fixed_frame to another frame{still}; "
                 "for clouds, reading.poses=kiss_icp finds the way"
             )
-        self.fixed_frame = self.odometry_frame
-        if sensor != self.base_frame and not self.tree.connects(self.base_frame, sensor):
-            self.assumed.add(sensor)
-        return True
+        return self._of(self.tracks, sensor)
+
+    def _linked(self, tracks: dict[str, Odometry], sensor: str) -> dict[str, Odometry]:
+        """Those whose base a sensor is, or is connected to."""
+        return {topic: one for topic, one in tracks.items() if one.base == sensor or self.tree.connects(one.base, sensor)}
+
+    def _of(self, tracks: dict[str, Odometry], sensor: str, fixed: str | None = None) -> Odometry:
+        """The best of these for a sensor: one that is connected to it, and of several the one with most messages."""
+        linked = self._linked(tracks, sensor) or tracks
+        topic = min(linked, key=lambda name: (-linked[name].count, name))
+        if others := sorted({*linked} - {topic}):
+            self.others[topic] = others
+        found = linked[topic]
+        self.fixed_frame = fixed or found.frame
+        if not self._linked({topic: found}, sensor):
+            self.assumed[sensor] = found.base
+        return found
 
 
 def nanoseconds(stamp) -> int:

@@ -18,7 +18,7 @@ from hilbertvae.scans.bag_chunks import bounded_unpacking
 from hilbertvae.scans.bag_files import check_databases
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
 from hilbertvae.scans.bag_poses import FIXED_FRAMES, ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
-from hilbertvae.scans.beam_lengths import beam_lengths, without_zeros
+from hilbertvae.scans.beam_lengths import ClippedCheck, beam_lengths, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.deskewing import deskewed_along
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, named, reading
@@ -42,14 +42,15 @@ def read_bag(
     every: int = 1,
     poses: str | None = None,
     deskew: bool = True,
+    odometry: str | None = None,
 ) -> Scans:
     """The scans of one topic, 2D from `sensor_msgs/LaserScan` and 3D from `sensor_msgs/PointCloud2`, in the order of the bag.
 
-    topic: by default the one of such messages that has most. Poses are those of `BagPoses` at the message's time, in `fixed_frame`; a
-    scan without one is left out, with a warning. `poses="kiss_icp"` finds them by odometry instead, for clouds. deskew: beams are turned
-    back one by one, where messages say when each was measured (`beam_times`); unset it for clouds that were, but still say so. beam_origin
-    and ranges are as in `read_scan_folder`; `every` keeps each so many-th message. Scans are numbered from 0, beams by their place in the
-    message.
+    topic: by default the one of such messages that has most. Poses are those of `BagPoses` at the message's time, in `fixed_frame`, of the
+    topic `odometry` where that is given; a scan without one is left out, with a warning. `poses="kiss_icp"` finds them from the scans
+    instead, for clouds. deskew: beams are turned back one by one, where messages say when each was measured (`beam_times`); unset it for
+    clouds that were, but still say so. beam_origin and ranges are as in `read_scan_folder`; `every` keeps each so many-th message. Scans
+    are numbered from 0, beams by their place in the message.
 
     The bag is read twice, transforms and then scans, a chunk at a time: memory grows with the returns that are kept. Messages have the
     types that ROS defines, whatever definitions the bag brings along. Raises `InputError` for files that are missing or damaged, and
@@ -60,6 +61,8 @@ def read_bag(
     check_poses_choice(poses)
     if poses is not None and fixed_frame is not None:
         raise InputError(f"reading.fixed_frame: with reading.poses={poses} the frame is that of the first scan; leave one of them unset")
+    if poses is not None and odometry is not None:
+        raise InputError(f"reading.odometry: with reading.poses={poses} none is read; leave one of them unset")
     extra_module("bags", "rosbags")
     with reading(path, "a ROS bag"), bounded_unpacking(path), _opened(path) as bag:
         chosen = bag.scan_topic(topic)
@@ -67,24 +70,27 @@ def read_bag(
         for name, setting, neutral in (("poses", poses, None), ("beam_origin", beam_origin, "centre")):
             if is_flat and setting != neutral:
                 raise InputError(f"reading.{name}: {chosen} of {path} are planar laser scans, where this has no meaning; leave it unset")
-        finder = bag.poses(fixed_frame) if poses is None else None
-        beam_origins, odometry = find_beam_origins(beam_origin), KissOdometry()
+        finder = bag.poses(fixed_frame, odometry) if poses is None else None
+        beam_origins, kiss, clipped = find_beam_origins(beam_origin), KissOdometry(), ClippedCheck(max_range_m)
         found, seen, tilted, untimed, unturned = ScanCollector(min_range_m, max_range_m), 0, 0, 0, 0
         frames, poses_seen = set(), set()
         # Odometry goes from scan to scan, so it sees those too that are left out.
         for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
             with named(f"{path}, a message of {chosen}"):
                 cloud = without_zeros(READERS[message.__msgtype__](message))
+            if is_flat:
+                clipped.see(np.linalg.norm(cloud, axis=1))
             start = beam_origins(cloud)
             lengths = beam_lengths(cloud, start)
+            lengths = lengths.round(6) if is_flat else lengths  # as ranges are: rounding carries some of a limit's length below it
             kept = found.within(lengths)
             times = beam_times(message, stamp_ns, np.isfinite(lengths)) if deskew else None
             with named(str(path)):
                 if finder:
                     pose = finder.at(message.header.frame_id, stamp_ns)
                 else:
-                    cloud, start = odometry.deskewed(cloud, start, times, stamp_ns)
-                    pose = odometry.register(cloud[kept])
+                    cloud, start = kiss.deskewed(cloud, start, times, stamp_ns)
+                    pose = kiss.register(cloud[kept])
             if index % every:
                 continue
             seen += 1
@@ -102,7 +108,8 @@ def read_bag(
                 cloud, start = back or (cloud, start)
             found.add(cloud, start, kept, pose, DIMENSIONS[bag.types[chosen]])
     found.warn(path)
-    odometry.warn(path)
+    kiss.warn(path)
+    clipped.warn(path)
     _warn(path, chosen, finder, len(found), seen, tilted, untimed, unturned)
     if finder:
         _warn_of_fixed_clouds(path, chosen, frames, len(poses_seen), len(found), bag)
@@ -139,8 +146,10 @@ def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int
         )
     if unturned:
         doubts.append(f"transforms don't cover the whole sweep of {unturned} of {seen} scans; these are taken as if measured at once")
-    assumed = sorted(finder.assumed) if finder else []
-    doubts += [f"no transform says where {name} is on {finder.base_frame or 'the robot'}; taken to be its origin" for name in assumed]
+    assumed = sorted(finder.assumed.items()) if finder else []
+    doubts += [f"no transform says where {name} is on {base or 'the robot'}; taken to be its origin" for name, base in assumed]
+    for used, others in (finder.others if finder else {}).items():
+        doubts.append(f"poses are those of {used}, which has most messages. Set reading.odometry for another: {', '.join(others)}")
     if doubts:
         warnings.warn(f"{path}: {'; '.join(doubts)}", stacklevel=3)
 
@@ -201,14 +210,19 @@ class _Bag:
             )
         return chosen
 
-    def poses(self, fixed_frame: str | None) -> BagPoses:
-        """The transforms of the bag, and its odometry: of several such topics, the one with most messages."""
-        found = BagPoses(fixed_frame)
-        odometries = sorted((-count, name) for name, count in self.counts.items() if self.types[name] == ODOMETRY and count)
-        used = {name for name, kind in self.types.items() if kind in TRANSFORMS} | {name for _, name in odometries[:1]}
+    def poses(self, fixed_frame: str | None, odometry: str | None = None) -> BagPoses:
+        """The transforms of the bag, and its odometry; of that the wanted topic alone, if there is one."""
+        odometries = {name for name, count in self.counts.items() if self.types[name] == ODOMETRY and count}
+        if odometry is not None:
+            if not (named := {name for name in odometries if name.lstrip("/") == odometry.lstrip("/")}):
+                there = ", ".join(sorted(odometries)) or "none"
+                raise InputError(f"{self.path}: reading.odometry: expected a topic of nav_msgs/Odometry, got {odometry}; found {there}")
+            odometries = named
+        found = BagPoses(fixed_frame, odometry)
+        used = {name for name, kind in self.types.items() if kind in TRANSFORMS} | odometries
         for topic, _, message in self._messages(used):
             if self.types[topic] == ODOMETRY:
-                found.add_odometry(message)
+                found.add_odometry(topic, message)
             else:
                 found.add_transforms(message.transforms, topic.endswith("tf_static"))
         return found

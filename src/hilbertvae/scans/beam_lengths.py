@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections import Counter
 
 import numpy as np
 
@@ -15,6 +16,8 @@ UNLIKE_OTHERS = 20.0
 """A beam that is so many times as long as half of the others, and longer than `LONGEST_BEAM_M`, is hardly a return."""
 MANY_CUT = 1 / 3
 """Of all beams. Where more are left out for their length, what is left is hardly what was scanned, as of a room in millimetres."""
+MOST_LONGER = 0.01
+"""Of as many as are alike: stray returns, or what interference made."""
 MANY_ALIKE = 0.02
 """Of all ranges. Real logs, cut at 26 to 45 m, have their largest range in fewer than one of 10 000 beams."""
 
@@ -47,19 +50,28 @@ class UnitCheck:
         """max_range_m: from where beams are dropped."""
         self._max_range_m, self._seen, self._cut = max_range_m, 0, 0
         self._medians: list[float] = []
+        self._code_m = 0.0
 
     def see(self, lengths: np.ndarray) -> None:
         """The lengths of a scan's beams (N,), those without a return among them."""
         lengths = lengths[np.isfinite(lengths)]
-        if len(lengths):
-            self._medians.append(float(np.median(lengths)))
         # A length that many beams of a scan have to the centimetre says that there was no return.
-        alike = np.unique(lengths[lengths >= self._max_range_m].round(2), return_counts=True)[1]
-        self._cut += int(alike[alike < max(2, MANY_ALIKE * len(lengths))].sum())
+        far = lengths >= self._max_range_m
+        found, place, alike = np.unique(lengths[far].round(2), return_inverse=True, return_counts=True)
+        code = alike >= max(2, MANY_ALIKE * len(lengths))
+        self._cut += int(alike[~code].sum())
         self._seen += len(lengths)
+        code &= found <= LONGEST_MEDIAN_M  # no laser's; in millimetres it may be
+        told = np.concatenate([lengths[~far], lengths[far][~code[place]]])
+        if len(told):
+            self._medians.append(float(np.median(told)))
+        self._code_m = max([self._code_m, *found[code]])
 
     def hint(self, max_range_m: float) -> str:
-        """What to add to the news that no beam is short enough: half of them are too long, which another unit may explain."""
+        """What to add to the news that no beam is short enough: half of them are too long, which another unit may explain, or all have the
+        length of no return."""
+        if not self._medians and self._code_m:
+            return f"; all of them are {self._code_m:g} m long, as lasers write where there is no return"
         middle = self._middle()
         return f"; half of the beams are longer than {middle:.4g} m: are they in millimetres?" if middle >= max_range_m else ""
 
@@ -85,23 +97,25 @@ class ClippedCheck:
 
     def __init__(self, max_range_m: float):
         """max_range_m: from where ranges are dropped."""
-        self._max_range_m, self._farthest_m, self._alike, self._seen = max_range_m, 0.0, 0, 0
+        self._max_range_m, self._alike = max_range_m, Counter()
 
     def see(self, ranges: np.ndarray) -> None:
         """The ranges of a scan (N,), metres; those without a return may be inf or NaN."""
-        ranges = ranges[np.isfinite(ranges)]
-        if (farthest_m := ranges.max(initial=0.0)) > self._farthest_m:
-            self._farthest_m, self._alike = float(farthest_m), 0
-        self._alike += np.count_nonzero(ranges == self._farthest_m)
-        self._seen += len(ranges)
+        found, count = np.unique(ranges[np.isfinite(ranges)].round(3), return_counts=True)
+        self._alike.update(dict(zip(found.tolist(), count.tolist(), strict=True)))
 
     def warn(self, path: str | os.PathLike) -> None:
-        """One `UserWarning` where such ranges were not dropped."""
-        share = self._alike / max(self._seen, 1)
-        if self._farthest_m < self._max_range_m and 1 < self._alike < self._seen and share >= MANY_ALIKE:
+        """One `UserWarning` where such ranges were not dropped, also where a few stray ones are longer."""
+        seen = sum(self._alike.values())
+        if len(self._alike) < 2:  # all are alike, or there is nothing
+            return
+        code_m, alike = max(self._alike.items(), key=lambda item: (item[1], item[0]))
+        longer, share = sum(count for range_m, count in self._alike.items() if range_m > code_m), alike / seen
+        if code_m < self._max_range_m and alike > 1 and share >= MANY_ALIKE and longer <= MOST_LONGER * alike:
+            which = f"{code_m} m, and hardly any is longer" if longer else f"the largest, {code_m} m"
             warnings.warn(
-                f"{path}: {100 * share:.2g} % of all ranges are the largest, {self._farthest_m} m: are they beams without a return? Set "
-                f"reading.max_range_m={self._farthest_m} to drop them",
+                f"{path}: {100 * share:.2g} % of all ranges are {which}: are they beams without a return? Set "
+                f"reading.max_range_m={code_m} to drop them",
                 stacklevel=4,
             )
 

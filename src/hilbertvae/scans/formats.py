@@ -42,7 +42,11 @@ class ReadingSettings:
     topic: str | None = None
     """Of a bag: the topic of its scans. By default the one with most messages."""
     fixed_frame: str | None = None
-    """Of a bag: the frame of the map. By default `map` if its transforms have one, else `odom`, else that of its odometry."""
+    """Of a bag: the frame of the map. By default `map` if its transforms, or its odometry with them, lead there, else `odom`, else that of
+    its odometry."""
+    odometry: str | None = None
+    """Of a bag: the topic of odometry that says where the sensor was, also where transforms do. By default one is taken where transforms
+    don't, that is of the sensor's robot, and of several the one with most messages."""
     deskew: bool = True
     """Of a bag: beams are turned back one by one where its messages say when each was measured (a cloud's `t`, `time` or `timestamp`, a
     laser's `time_increment`). Unset it for clouds that were deskewed before and still have the field."""
@@ -66,13 +70,13 @@ def read_scans_path(path: str | os.PathLike, reading: ReadingSettings | None = N
     """
     path, reading = Path(path), reading or ReadingSettings()
     ranges = {key: value for key in ("max_range_m", "min_range_m") if (value := getattr(reading, key)) is not None}
-    of_bags, of_logs = ("topic", "fixed_frame", "deskew"), "beam_step_deg"
+    of_bags, of_logs = ("topic", "fixed_frame", "odometry", "deskew"), "beam_step_deg"
     if path.name.lower().endswith(CARMEN):
         _refuse(path, "a CARMEN log", reading, "sensor_origin_m", "beam_origin", "poses", *of_bags)
         return read_carmen(path, every=reading.every, step_deg=reading.beam_step_deg, **ranges)
     if is_bag(path):
         _refuse(path, "a ROS bag", reading, "sensor_origin_m", of_logs)
-        of_scans = {"every": reading.every, "poses": reading.poses, "deskew": reading.deskew}
+        of_scans = {"every": reading.every, "poses": reading.poses, "deskew": reading.deskew, "odometry": reading.odometry}
         return read_bag(path, reading.topic, reading.fixed_frame, reading.beam_origin, **of_scans, **ranges)
     if path.is_dir():
         _refuse(path, "a folder of scans", reading, "sensor_origin_m", *of_bags, of_logs)

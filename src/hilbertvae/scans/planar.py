@@ -33,7 +33,7 @@ def as_plan(scans: Scans, path: str | os.PathLike) -> Scans:
     lift_m, lean_deg = np.ptp(scans.origins[:, 2]), np.rad2deg(np.arctan(np.linalg.norm(slopes, axis=1).max()))
     said = f"{path}: each scan is planar, at heights that differ by {lift_m:.2g} m, and leans by up to {lean_deg:.2g} degrees"
     if lift_m > MOST_LIFT_M or lean_deg > MOST_LEAN_DEG:
-        limits = f"{MOST_LIFT_M:g} m and {MOST_LEAN_DEG:g} degrees"
+        limits = f"{MOST_LIFT_M:g} m or {MOST_LEAN_DEG:g} degrees"
         warnings.warn(f"{said}; beyond {limits} the map is of three dimensions. Poses of x, y and heading make it a plan", stacklevel=4)
         return scans
     warnings.warn(f"{said}, so that the map is of two dimensions", stacklevel=4)

@@ -15,6 +15,8 @@ from hilbertvae.scans.quaternions import rotation_matrices, slerp
 LONGEST_HOLE_S = 10.0
 """Between two samples that are farther apart there is no pose, as in tf2, which remembers so much: meanwhile a robot may have been carried.
 Of what comes more rarely they may be `MANY_STEPS` times as far apart as half of its samples are."""
+BACK_S, APART_M = 1.0, 0.5
+"""From when on times that fall back are another run's, if the frame is so far from where it was at these times before."""
 MANY_STEPS = 5
 UNIT = 1e-2
 """How far the square of a quaternion's length may be from 1, as in tf2: some are written by hand, with two digits."""
@@ -28,10 +30,16 @@ class PoseTrack:
         """What messages call it."""
         self._rows: list[tuple[float, ...]] = []
         self._stamps: list[int] = []
+        self._runs: list[int] = []
         self._sorted: tuple[np.ndarray, np.ndarray, float] | None = None
+        self._latest_ns = 0
 
     def add(self, stamp_ns: int, translation, rotation) -> None:
         """A sample: nanoseconds, and ROS's `Vector3` (or `Point`) in metres and `Quaternion`."""
+        if self._stamps and stamp_ns < self._latest_ns - BACK_S * 1e9:
+            self._runs.append(len(self._stamps))
+            self._latest_ns = stamp_ns
+        self._latest_ns = max(stamp_ns, self._latest_ns) if self._stamps else stamp_ns
         self._stamps.append(stamp_ns)
         self._rows.append((translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z, rotation.w))
         self._sorted = None
@@ -75,10 +83,27 @@ class PoseTrack:
                     raise InputError(f"{self.name}: expected {wrong}")
                 warnings.warn(f"{self.name}: {(~sound).sum()} of {len(rows)} are left out; expected {wrong}", stacklevel=3)
                 stamps, rows = stamps[sound], rows[sound]
+            self._warn_of_runs()
             rows[:, 3:] /= np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
             usual_ns = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 0.0
             self._sorted = stamps, rows, max(LONGEST_HOLE_S * 1e9, MANY_STEPS * usual_ns)
         return self._sorted
+
+    def _warn_of_runs(self) -> None:
+        """A `UserWarning` where times fall back to when the samples before had the frame elsewhere: two drives whose scans can't be told
+        apart, as of a simulator that was set back. A recording that was played twice says the same twice."""
+        stamps, places = np.array(self._stamps, np.float64), np.array([row[:3] for row in self._rows])
+        for start in self._runs:
+            before = np.argsort(stamps[:start], kind="stable")
+            again = start + np.flatnonzero((stamps[start:] >= stamps[:start].min()) & (stamps[start:] <= stamps[:start].max()))
+            then = np.column_stack([np.interp(stamps[again], stamps[before], axis[before]) for axis in places[:start].T])
+            apart_m = np.linalg.norm(places[again] - then, axis=1)
+            if len(again) and np.median(apart_m) > APART_M:
+                back_s = (stamps[:start].max() - stamps[start]) / 1e9
+                said = f"its times fall back by {back_s:.3g} s, to when it was {np.median(apart_m):.2g} m away before"
+                advice = "are these two drives? Cut the recording there, since scans of both are put on one way"
+                warnings.warn(f"{self.name}: {said}: {advice}", stacklevel=3)
+                return
 
 
 def _matrix(place: np.ndarray, quaternion: np.ndarray) -> np.ndarray:

@@ -1,0 +1,117 @@
+"""Which odometry says where a sensor was, where a bag has several, or one beside transforms."""
+
+import warnings
+
+import numpy as np
+import pytest
+from bag_scene import CLOUDS, LIDAR_ON_BASE, MAP_ODOM, RANGES, base_in_odom
+from bag_writers import bag, moved, turned
+
+from hilbertvae.checks import InputError
+from hilbertvae.scans.bags import read_bag
+from hilbertvae.scans.formats import ReadingSettings, read_scans_path
+
+pytest.importorskip("rosbags")
+
+ELSEWHERE = ((5.0, -7.0, 0.3), turned(0.2))
+
+
+@pytest.fixture(autouse=True)
+def _warnings_are_told():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+def write(path, *tracks, transforms=()):
+    """A lidar on its base, a cloud at 1.35 s, and odometry: (topic, frame, base, pose at a time, messages a second)."""
+    with bag(path) as made:
+        made.transform("/tf_static", 0, "base", "lidar", LIDAR_ON_BASE)
+        for parent, child, pose in transforms:
+            made.transform("/tf", 0, parent, child, pose)
+        for topic, frame, base, pose, often in tracks:
+            for number in range(3 * often):
+                made.odometry(topic, number / often, frame, base, pose(number / often))
+        made.cloud("/points", 1.35, "lidar", CLOUDS[0])
+    return path
+
+
+WHEELS = ("/odom", "odom", "base", base_in_odom, 1)
+CAMERA = ("/camera/odom", "camera_odom", "camera", lambda second: ELSEWHERE, 4)
+DRIFTING = ("/wheel/odom", "odom", "base", lambda second: ELSEWHERE, 4)
+TRUE = moved(CLOUDS[0], LIDAR_ON_BASE, base_in_odom(1.35))
+
+
+@pytest.mark.parametrize("fixed", [None, "odom"])
+def test_that_of_the_sensor_s_own_robot(tmp_path, fixed):
+    """A tracking camera's comes four times as often, and no transform leads from it to the lidar."""
+    path = write(tmp_path / "a.bag", WHEELS, CAMERA)
+    np.testing.assert_allclose(read_bag(path, fixed_frame=fixed).points, TRUE, rtol=0, atol=1e-9)
+    with pytest.raises(InputError, match="odometry in camera_odom, odom"):
+        read_bag(path, fixed_frame="utm")
+
+
+def test_of_two_the_one_that_is_asked_for_else_that_with_most_messages_and_a_warning(tmp_path):
+    path = write(tmp_path / "a.bag", WHEELS, DRIFTING)
+    with pytest.warns(UserWarning, match="poses are those of /wheel/odom, which has most messages. Set reading.odometry for another: /o"):
+        found = read_bag(path).points
+    np.testing.assert_allclose(found, moved(CLOUDS[0], LIDAR_ON_BASE, ELSEWHERE), rtol=0, atol=1e-9)
+    for topic in ("/odom", "odom"):
+        found = read_scans_path(path, ReadingSettings(odometry=topic)).points
+        np.testing.assert_allclose(found, TRUE, rtol=0, atol=1e-9)
+    with pytest.raises(InputError, match="a.bag: reading.odometry: expected a topic of nav_msgs/Odometry, got /x; found /odom, /wheel"):
+        read_bag(path, odometry="/x")
+    with pytest.raises(InputError, match="reading.odometry: with reading.poses=kiss_icp none is read"):
+        read_bag(path, odometry="/odom", poses="kiss_icp")
+
+
+def test_transforms_lead_on_from_where_odometry_ends(tmp_path):
+    """SLAM says where odom is in the map, and a topic alone where the robot is in odom."""
+    path = write(tmp_path / "a.bag", WHEELS, transforms=[("map", "odom", MAP_ODOM)])
+    for fixed in (None, "map"):
+        found = read_bag(path, fixed_frame=fixed).points
+        np.testing.assert_allclose(found, moved(CLOUDS[0], LIDAR_ON_BASE, base_in_odom(1.35), MAP_ODOM), rtol=0, atol=1e-6)
+    np.testing.assert_allclose(read_bag(path, fixed_frame="odom").points, TRUE, rtol=0, atol=1e-9)
+
+
+def test_odometry_that_is_asked_for_counts_before_transforms(tmp_path):
+    path = write(tmp_path / "a.bag", WHEELS, transforms=[("odom", "base", ELSEWHERE)])
+    np.testing.assert_allclose(read_bag(path).points, moved(CLOUDS[0], LIDAR_ON_BASE, ELSEWHERE), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(read_bag(path, odometry="/odom").points, TRUE, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("again", [True, False])
+def test_times_that_fall_back_to_where_a_frame_was_elsewhere_are_told(tmp_path, again):
+    """Of a simulator that was set back; a recording that was played twice says the same twice."""
+    with bag(tmp_path / "a.bag") as made:
+        for run in range(2):
+            for second in range(6):
+                place, turn = base_in_odom(second)
+                moved_on = place if again else (place[0], place[1] + 4 * run, place[2])
+                made.transform("/tf", second, "map", "lidar", (moved_on, turn), recorded=10 * run + second)
+        made.cloud("/points", 1.35, "lidar", CLOUDS[0])
+    if again:
+        read_bag(tmp_path / "a.bag")
+    else:
+        with pytest.warns(UserWarning, match="transform from lidar to map: its times fall back by 5 s, to when it was 4 m away before"):
+            read_bag(tmp_path / "a.bag")
+
+
+def test_a_laser_s_own_code_for_no_return_is_told(tmp_path):
+    ranges = np.concatenate([RANGES, np.full((4, 20), 25.0)], axis=1)
+    with bag(tmp_path / "a.bag") as made:
+        made.transform("/tf", 0, "map", "laser", ((0, 0, 0), turned(0)))
+        for number, each in enumerate(ranges):
+            made.laser("/scan", number, "laser", each, high=100.0)
+    with pytest.warns(UserWarning, match="a.bag: 39 % of all ranges are the largest, 25.0 m.*Set reading.max_range_m=25.0 to drop them"):
+        read_bag(tmp_path / "a.bag")
+    assert len(read_bag(tmp_path / "a.bag", max_range_m=25.0)) == RANGES.size
+
+
+def test_beams_that_are_not_side_by_side_are_refused(tmp_path):
+    for name, step in (("a.bag", 0.0), ("b.bag", 2.0)):
+        with bag(tmp_path / name) as made:
+            made.transform("/tf", 0, "map", "laser", ((0, 0, 0), turned(0)))
+            made.laser("/scan", 0, "laser", RANGES[0], step=step)
+        with pytest.raises(InputError, match=f"a message of /scan: expected beams side by side, got 31 that are {step} rad apart"):
+            read_bag(tmp_path / name)
