@@ -6,6 +6,8 @@ import sys
 import pytest
 
 import hilbertvae
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from toy_rooms import tiny_reconstructor
 
 
 def test_every_name_is_there():
@@ -32,6 +34,15 @@ def test_the_estimators_need_neither_lightning_nor_hydra():
         "print([name for name in ('lightning', 'hydra', 'omegaconf') if name in sys.modules])"
     )
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+
+
+def test_a_saved_map_answers_without_torch(room, tmp_path):
+    """To import that takes longer than a thousand answers, and more memory than most maps."""
+    cloud = room.fit
+    mapper = HilbertMap(tiny_reconstructor(), weights="unit").fit(cloud.points, cloud.occupied, cloud.weight)
+    path = hilbertvae.save_map(mapper, tmp_path / "room.map")
+    program = f"import sys, hilbertvae; hilbertvae.load_map({str(path)!r}).predict_map([[0.0, 0.0]]); print('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "False"
 
 
 @pytest.mark.parametrize("command", ["map", "query"])

@@ -6,6 +6,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.mappers import completing_mapper
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.saved_map import load_map, save_map
+from hilbertvae.reconstruction import adaptation
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.site import Site
 from toy_rooms import box_room, tiny_grid, tiny_reconstructor
@@ -44,8 +45,8 @@ def test_as_many_clusterings_as_steps_need(room, monkeypatch, steps, clusterings
         seen.append((shown, target))
         return network
 
-    monkeypatch.setattr(completing_mapper, "adapted", learn)
-    monkeypatch.setattr(completing_mapper, "batch_size", lambda network: 5)
+    monkeypatch.setattr(adaptation, "adapted", learn)
+    monkeypatch.setattr(adaptation, "batch_size", lambda network: 5)
     mapper = fit(HilbertMap(tiny_reconstructor(), adapt_steps=steps), room.fit)
     ((shown, target),) = seen
     assert len(shown) == len(target)

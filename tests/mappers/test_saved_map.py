@@ -13,7 +13,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.mappers.packed_array import pack
 from hilbertvae.mappers.saved_map import load_map, save_map
-from hilbertvae.reconstruction import recorded_network
+from hilbertvae.reconstruction.reconstructor import Reconstructor
 from toy_rooms import tiny_grid, tiny_reconstructor
 
 
@@ -54,7 +54,7 @@ def assert_same(ours, theirs, queries):
 def test_a_loaded_map_answers_to_the_bit_and_without_a_network(place, kind, tmp_path, monkeypatch):
     mapper = fit(MAPPERS[kind](place.dimension), place.fit)
     path = save_map(mapper, tmp_path / "deep" / "site.map")
-    monkeypatch.setattr(recorded_network.Reconstructor, "load", None)
+    monkeypatch.setattr(Reconstructor, "load", None)
     found = load_map(path)
     assert_same(found, mapper, queries_of(place))
     assert_same(found, mapper, place.fit.points)

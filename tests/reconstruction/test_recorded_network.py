@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction import recorded_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.recorded_network import RecordedNetwork
 from hilbertvae.reconstruction.shipped import SHIPPED
@@ -28,7 +27,7 @@ def test_it_stands_for_the_network_of_a_checkpoint(tmp_path):
 
 
 def test_nothing_is_read_before_it_is_needed(monkeypatch):
-    monkeypatch.setattr(recorded_network.Reconstructor, "load", None)
+    monkeypatch.setattr(Reconstructor, "load", None)
     assert RecordedNetwork("abc").fingerprint() == "abc"
 
 

@@ -18,6 +18,8 @@ CANDIDATES = {2: 12, 3: 24}
 """Frames near a patch that are tried first for each query in it."""
 PATCHES = {2: 16, 3: 4}
 """Patches along the longest reach of a box, at first. In space queries often lie so thinly that smaller ones would hold one each."""
+AT_ONCE = 2048
+"""Queries whose candidates, or whose cells, are looked at together: what is computed for them stays in a core's cache."""
 NONE = -1
 SLACK = 1e-9
 """Of a box: what rounding may move a query that lies on a box's side, as those on voxel centres do. Less than that of a cell
@@ -38,6 +40,7 @@ class FrameIndex:
         # Of a turn about the vertical most entries are 0: only those that are not, somewhere, are multiplied by.
         own = (frames.rotation == np.eye(frames.centre.shape[1])).all(axis=0).all(axis=0)
         mixed = (frames.rotation != 0).any(axis=0)
+        self.alike = bool(len(frames)) and bool((frames.scale == frames.scale[0]).all())
         self.mixed = [None if alone else np.flatnonzero(axes) for alone, axes in zip(own, mixed.T, strict=True)]
 
     def holding(self, queries: np.ndarray, nearest: int) -> np.ndarray:
@@ -81,16 +84,30 @@ class FrameIndex:
     def _choose(self, queries, candidate, member, beyond, nearest):
         """The `nearest` holding ones (Q, nearest) of the candidates `candidate[member]` of each query, and whether no frame farther than
         `beyond[member]` can be among them."""
+        chosen, settled = np.empty((len(queries), nearest), np.int64), np.empty(len(queries), bool)
+        for start in range(0, len(queries), AT_ONCE):
+            part = slice(start, start + AT_ONCE)
+            chosen[part], settled[part] = self._choose_some(queries[part], candidate, member[part], beyond, nearest)
+        return chosen, settled
+
+    def _choose_some(self, queries, candidate, member, beyond, nearest):
+        """`_choose` of at most `AT_ONCE` queries."""
         # Patches are fewer than queries, so what can be gathered is gathered for them, and one axis at a time.
-        scale = self.frames.scale[candidate][member]
-        moved = [queries[:, d, None] - centre[candidate][member] for d, centre in enumerate(self.frames.centre.T)]
-        distance = np.sqrt(sum(axis * axis for axis in moved))
+        moved, room = [], np.empty((len(queries), candidate.shape[1]))
+        for d, centre in enumerate(self.frames.centre.T):
+            along = centre[candidate].take(member, axis=0)
+            moved.append(np.subtract(queries[:, d, None], along, out=along))
+        distance = moved[0] * moved[0]
+        for axis in moved[1:]:
+            distance += np.multiply(axis, axis, out=room)
+        np.sqrt(distance, out=distance)
         if self.frames.turned:
             turn = self.frames.rotation[candidate]
             moved = [
-                along if axes is None else sum(moved[d] * turn[..., d, e][member] for d in axes)
+                along if axes is None else sum(moved[d] * turn[..., d, e].take(member, axis=0) for d in axes)
                 for e, (along, axes) in enumerate(zip(moved, self.mixed, strict=True))
             ]
+        scale = self.frames.scale[0] if self.alike else self.frames.scale[candidate].take(member, axis=0)
         inside = np.ones(distance.shape, bool)
         for axis in moved:
             axis /= scale
@@ -128,20 +145,27 @@ def kernels(
     several: list[np.ndarray], frames: Frames, queries: np.ndarray, holding: np.ndarray, interpolated: bool = False
 ) -> list[np.ndarray]:
     """`kernel` of each of several grids of one size, whose cells are found once."""
-    cells = several[0].shape[1]
-    query, rank = np.nonzero(holding != NONE)
-    frame = holding[query, rank]
-    if interpolated:
-        found = _between(several, frames.into(queries[query], frame), frame)
-        inside = np.ones(len(query), bool)
-    else:
-        cell, inside = cell_index(frames, queries[query], frame, cells)
-        cell = cell[inside] + frame[inside] * cells ** queries.shape[1]
-        found = [grids.reshape(-1)[cell] for grids in several]
     values = [np.zeros(holding.shape, np.float32) for _ in several]
-    for kind, read in zip(values, found, strict=True):
-        kind[query[inside], rank[inside]] = read
+    for start in range(0, len(queries), AT_ONCE):
+        part = slice(start, start + AT_ONCE)
+        _put_kernels([kind[part] for kind in values], several, frames, queries[part], holding[part], interpolated)
     return values
+
+
+def _put_kernels(values, several, frames, queries, holding, interpolated) -> None:
+    """`kernels` of some queries, written into `values`, zeros (Q, K) each."""
+    cells = several[0].shape[1]
+    place = np.flatnonzero(holding != NONE)
+    frame = holding.reshape(-1)[place]
+    queries = queries.take(place // holding.shape[1], axis=0)
+    if interpolated:
+        found = _between(several, frames.into(queries, frame), frame)
+    else:
+        cell, inside = cell_index(frames, queries, frame, cells)
+        place, cell = place[inside], cell[inside] + frame[inside] * cells ** queries.shape[1]
+        found = [grids.reshape(-1)[cell] for grids in several]
+    for kind, read in zip(values, found, strict=True):
+        kind.reshape(-1)[place] = read
 
 
 def _between(several: list[np.ndarray], places: np.ndarray, frame: np.ndarray) -> list[np.ndarray]:
@@ -153,14 +177,17 @@ def _between(several: list[np.ndarray], places: np.ndarray, frame: np.ndarray) -
         place = (along + 0.5) * cells - 0.5
         below = np.floor(place)
         part = (place - below).astype(np.float32)
-        step = cells ** (places.shape[1] - 1 - axis)
-        beside.append([(np.clip(below + side, 0, cells - 1).astype(np.int64) * step, part if side else 1 - part) for side in (0, 1)])
+        lower, step = below.astype(np.int64), cells ** (places.shape[1] - 1 - axis)
+        beside.append([(np.clip(lower + side, 0, cells - 1) * step, part if side else 1 - part) for side in (0, 1)])
     found = [np.zeros(len(frame), np.float32) for _ in several]
-    for corner in itertools.product(*beside):
-        cell, weight = start.copy(), np.float32(1.0)
+    flat = [grids.reshape(-1) for grids in several]
+    for corner in itertools.product(*beside[:-1]):
+        row, beyond = start.copy(), np.float32(1.0)
         for step, share in corner:
-            cell += step
-            weight = weight * share
-        for total, grids in zip(found, several, strict=True):
-            total += weight * grids.reshape(-1)[cell]
+            row += step
+            beyond = beyond * share
+        for step, share in beside[-1]:
+            cell, weight = row + step, beyond * share
+            for total, grids in zip(found, flat, strict=True):
+                total += weight * grids.take(cell)
     return found

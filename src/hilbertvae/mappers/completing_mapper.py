@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,11 +18,12 @@ from hilbertvae.grids.frame import Frames
 from hilbertvae.grids.training_grids import gapped_grids
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.weights import check_calibration
-from hilbertvae.reconstruction.adaptation import adapted, batch_size
-from hilbertvae.reconstruction.precision import check_device
-from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
+from hilbertvae.reconstruction.completion import Completion
 from hilbertvae.reconstruction.symmetry import check_flips
 from hilbertvae.voxel_votes import inside_voxels, voxel_index
+
+if TYPE_CHECKING:
+    from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 CUT_GAPS_M = (1.5, 3.5)
 """Diameters of the gaps of each clustering that a network learns from, as in training."""
@@ -89,6 +91,8 @@ class CompletingMapper(Mapper):
             raise InputError(f"reconstructor: expected a Reconstructor or None, got {self.reconstructor!r}; load_mapper takes a name")
         if self.reconstructor is not None and self.reconstructor.dimension != dimension:
             raise InputError(f"points: the network is for {self.reconstructor.dimension}D, got {dimension}D points")
+        from hilbertvae.reconstruction.precision import check_device  # late: a saved map answers without torch
+
         check_device(self.device)
 
     def _own_grid(self, resolution_m: float) -> GridSettings:
@@ -161,6 +165,9 @@ class CompletingMapper(Mapper):
     def _adapt(self, cloud: Cloud) -> Reconstructor:
         """The network after `adapt_steps` on gaps that are cut from the cloud for this alone: several clusterings, until each grid is seen
         about once or there are enough. Of a site too small for gaps it learns nothing, with a warning."""
+        from hilbertvae.reconstruction.adaptation import adapted, batch_size
+        from hilbertvae.reconstruction.reconstructor import Reconstructor
+
         network = self.reconstructor if isinstance(self.reconstructor, Reconstructor) else self.reconstructor.found  # a loaded map's
         shown, target = [], []
         wanted = self.adapt_steps * batch_size(network)

@@ -21,7 +21,7 @@ from hilbertvae.grids.cluster_grids import GridSettings, frames_of
 from hilbertvae.grids.frame import Frames, FrameSettings
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_array import GrowingArray, own_rows
-from hilbertvae.reconstruction.reconstructor import Completion
+from hilbertvae.reconstruction.completion import Completion
 
 ON_VOXELS = FrameSettings(centre="seed", rotation="none", scale="fixed")
 """Frames whose boxes lie on the lattice."""

@@ -12,7 +12,7 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.grids.frame import Frames
 from hilbertvae.mappers.completing_mapper import CompletingMapper
 from hilbertvae.mappers.growing_clusters import GrowingClusters
-from hilbertvae.reconstruction.reconstructor import Completion
+from hilbertvae.reconstruction.completion import Completion
 from hilbertvae.signals import not_stopped
 
 

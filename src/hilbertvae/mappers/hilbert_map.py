@@ -7,6 +7,7 @@ was observed in its voxel, weighed by logistic regression.
 from __future__ import annotations
 
 from threading import Lock
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import expit
@@ -22,7 +23,9 @@ from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
 from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
 from hilbertvae.mappers.weights import RankWeights, disagreement, unit_weights
-from hilbertvae.reconstruction.reconstructor import Reconstructor
+
+if TYPE_CHECKING:  # late: a saved map answers without torch
+    from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 FLIPS = {2: 4, 3: 1}
 """Each takes as long as the first, and four bring about 0.001 of AUC over two in 2D, over one in 3D; there a fit takes four times as long

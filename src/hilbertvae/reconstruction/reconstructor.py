@@ -20,6 +20,7 @@ from hilbertvae.checks import InputError, check_cell_m, check_finite
 from hilbertvae.files import atomic
 from hilbertvae.grids.cluster_grids import GridSettings, labels_of
 from hilbertvae.reconstruction.blocks import is_detailed
+from hilbertvae.reconstruction.completion import Completion
 from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, LikelihoodSettings
 from hilbertvae.reconstruction.networks import NetworkSettings, build_network, network_settings
@@ -29,15 +30,6 @@ from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
 from hilbertvae.reconstruction.symmetry import apply, apply_channels, check_flips, symmetries, undo
 
 FORMAT = "hilbertvae-reconstructor-1"
-
-
-@dataclass(frozen=True)
-class Completion:
-    """value: float16 (M, n, ..., n), the kernel values of Eq. 7. known: uint8, in 255ths the probability that a cell would be known if
-    its site were scanned as training sites were, 255 where it is; None for a network that does not say."""
-
-    value: np.ndarray
-    known: np.ndarray | None
 
 
 @dataclass(repr=False)

@@ -5,13 +5,17 @@ from __future__ import annotations
 import os
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import GridSettings
-from hilbertvae.reconstruction.reconstructor import Completion, Reconstructor
+from hilbertvae.reconstruction.completion import Completion
 from hilbertvae.reconstruction.shipped import SHIPPED
+
+if TYPE_CHECKING:
+    from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 
 class RecordedNetwork:
@@ -27,6 +31,8 @@ class RecordedNetwork:
     @cached_property
     def found(self) -> Reconstructor:
         """The network itself."""
+        from hilbertvae.reconstruction.reconstructor import Reconstructor  # late: answers need no torch
+
         beside = [self._beside] if self._beside and self._beside.is_file() else []
         for name in [self._checkpoint] if self._checkpoint is not None else [*SHIPPED, *beside]:
             network = Reconstructor.load(name)

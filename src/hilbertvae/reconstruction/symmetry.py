@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import itertools
-
-import torch
-from torch import Tensor
+from typing import TYPE_CHECKING
 
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import PLACES
+
+if TYPE_CHECKING:  # who only checks settings does not wait for torch
+    from torch import Tensor
 
 Symmetry = tuple[bool, tuple[int, ...]]
 """Whether the two horizontal axes are swapped, and which spatial axes (0-based) are flipped after that."""
@@ -31,7 +32,7 @@ def apply(grids: Tensor, symmetry: Symmetry) -> Tensor:
     swap, axes = symmetry
     if swap:
         grids = grids.transpose(1, 2)
-    return torch.flip(grids, [axis + 1 for axis in axes]) if axes else grids
+    return grids.flip([axis + 1 for axis in axes]) if axes else grids
 
 
 def apply_channels(grids: Tensor, symmetry: Symmetry) -> Tensor:
@@ -44,7 +45,7 @@ def apply_channels(grids: Tensor, symmetry: Symmetry) -> Tensor:
             channels[PLACES : PLACES + 2] = PLACES + 1, PLACES
         grids = grids[:, channels].transpose(2, 3)
     if axes:
-        grids = torch.flip(grids, [axis + 2 for axis in axes])
+        grids = grids.flip([axis + 2 for axis in axes])
         for axis in axes if placed else ():
             grids[:, PLACES + axis] *= -1  # a flip is a copy
     return grids
@@ -54,5 +55,5 @@ def undo(grids: Tensor, symmetry: Symmetry) -> Tensor:
     """The inverse of `apply`."""
     swap, axes = symmetry
     if axes:
-        grids = torch.flip(grids, [axis + 1 for axis in axes])
+        grids = grids.flip([axis + 1 for axis in axes])
     return grids.transpose(1, 2) if swap else grids
