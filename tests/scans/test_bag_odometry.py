@@ -1,6 +1,7 @@
 """Which odometry says where a sensor was, where a bag has several, or one beside transforms."""
 
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from bag_writers import bag, moved, turned
 from hilbertvae.checks import InputError
 from hilbertvae.scans.bags import read_bag
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
+from hilbertvae.scans.transform_tree import PoseTrack
 
 pytest.importorskip("rosbags")
 
@@ -115,3 +117,12 @@ def test_beams_that_are_not_side_by_side_are_refused(tmp_path):
             made.laser("/scan", 0, "laser", RANGES[0], step=step)
         with pytest.raises(InputError, match=f"a message of /scan: expected beams side by side, got 31 that are {step} rad apart"):
             read_bag(tmp_path / name)
+
+
+def test_a_publisher_that_is_late_is_no_other_drive():
+    """Every second sample falls back then, and all of them are looked at in a moment."""
+    track = PoseTrack("a")
+    for number in range(20_000):
+        stamp_ns = int(1e9 * (100 + 0.02 * number - 3 * (number % 2)))
+        track.add(stamp_ns, SimpleNamespace(x=1e-12 * stamp_ns, y=0.0, z=0.0), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0))
+    assert track.at(int(200e9))[0, 3] == pytest.approx(0.2)

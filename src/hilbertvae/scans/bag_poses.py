@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import reduce
 
 import numpy as np
 
@@ -74,13 +75,12 @@ class BagPoses:
         by = self._by[sensor]
         if by is None:
             return self.tree.pose(self.fixed_frame, sensor, stamp_ns)
-        pose = by.track.at(stamp_ns)
-        for way, first in (((by.base, sensor), False), ((self.fixed_frame, by.frame), True)):
-            if pose is None or way[0] == way[1] or (not first and sensor in self.assumed):
-                continue
-            step = self.tree.pose(*way, stamp_ns)
-            pose = None if step is None else step @ pose if first else pose @ step
-        return pose
+        steps = [by.track.at(stamp_ns)]
+        if sensor != by.base and sensor not in self.assumed:
+            steps.append(self.tree.pose(by.base, sensor, stamp_ns))
+        if by.frame != self.fixed_frame:
+            steps.insert(0, self.tree.pose(self.fixed_frame, by.frame, stamp_ns))
+        return None if any(step is None for step in steps) else reduce(np.matmul, steps)
 
     def _choose(self, sensor: str) -> Odometry | None:
         """The odometry whose a sensor's poses are, or None where they are the transforms'; settles `fixed_frame` for all sensors."""

@@ -11,6 +11,7 @@ ROUNDED_M = 0.025
 """Numbers that are kept to more than this move walls: a quarter of the smallest cell that maps have unless told otherwise."""
 PRECISIONS = ((np.float16, "half"), (np.float32, "single"))
 FEW_PLACES = 8
+"""Changes from place to place, below which origins in float64 are too few to tell rounded ones from round ones."""
 LOOKED_AT = 64
 """Numbers that settle nearly always that others have more digits."""
 DIGITS = (6, 7)

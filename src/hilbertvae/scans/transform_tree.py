@@ -17,6 +17,8 @@ LONGEST_HOLE_S = 10.0
 Of what comes more rarely they may be `MANY_STEPS` times as far apart as half of its samples are."""
 BACK_S, APART_M = 1.0, 0.5
 """From when on times that fall back are another run's, if the frame is so far from where it was at these times before."""
+MOST_RUNS = 8
+"""So many of the farthest falls are looked at: of two publishers one of which is late, every sample may be one."""
 MANY_STEPS = 5
 UNIT = 1e-2
 """How far the square of a quaternion's length may be from 1, as in tf2: some are written by hand, with two digits."""
@@ -30,14 +32,14 @@ class PoseTrack:
         """What messages call it."""
         self._rows: list[tuple[float, ...]] = []
         self._stamps: list[int] = []
-        self._runs: list[int] = []
+        self._runs: list[tuple[int, int]] = []
         self._sorted: tuple[np.ndarray, np.ndarray, float] | None = None
         self._latest_ns = 0
 
     def add(self, stamp_ns: int, translation, rotation) -> None:
         """A sample: nanoseconds, and ROS's `Vector3` (or `Point`) in metres and `Quaternion`."""
         if self._stamps and stamp_ns < self._latest_ns - BACK_S * 1e9:
-            self._runs.append(len(self._stamps))
+            self._runs.append((self._latest_ns - stamp_ns, len(self._stamps)))
             self._latest_ns = stamp_ns
         self._latest_ns = max(stamp_ns, self._latest_ns) if self._stamps else stamp_ns
         self._stamps.append(stamp_ns)
@@ -93,14 +95,14 @@ class PoseTrack:
         """A `UserWarning` where times fall back to when the samples before had the frame elsewhere: two drives whose scans can't be told
         apart, as of a simulator that was set back. A recording that was played twice says the same twice."""
         stamps, places = np.array(self._stamps, np.float64), np.array([row[:3] for row in self._rows])
-        for start in self._runs:
+        for back_ns, start in sorted(self._runs)[-MOST_RUNS:]:
             before = np.argsort(stamps[:start], kind="stable")
             again = start + np.flatnonzero((stamps[start:] >= stamps[:start].min()) & (stamps[start:] <= stamps[:start].max()))
             then = np.column_stack([np.interp(stamps[again], stamps[before], axis[before]) for axis in places[:start].T])
-            apart_m = np.linalg.norm(places[again] - then, axis=1)
+            with np.errstate(over="ignore", invalid="ignore"):  # of samples that are no place
+                apart_m = np.linalg.norm(places[again] - then, axis=1)
             if len(again) and np.median(apart_m) > APART_M:
-                back_s = (stamps[:start].max() - stamps[start]) / 1e9
-                said = f"its times fall back by {back_s:.3g} s, to when it was {np.median(apart_m):.2g} m away before"
+                said = f"its times fall back by {back_ns / 1e9:.3g} s, to when it was {np.median(apart_m):.2g} m away before"
                 advice = "are these two drives? Cut the recording there, since scans of both are put on one way"
                 warnings.warn(f"{self.name}: {said}: {advice}", stacklevel=3)
                 return
