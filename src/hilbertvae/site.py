@@ -174,7 +174,8 @@ class SiteSource:
     def made_of(self, reference: str) -> dict:
         """What the scans of a reference depend on, for hashes: contents, never places."""
         if reference.startswith(SIMULATED):
-            return {"site": reference, "simulated": asdict(self.street if self.dimension == 3 else self.building), "scenes": SCENES}
+            dimension = 3 if self.dimension == 3 else 2
+            return {"site": reference, "simulated": asdict({2: self.building, 3: self.street}[dimension]), "scenes": SCENES[dimension]}
         if is_scan_path(reference):
             return {"site": path_sha256(reference), "reading": asdict(self.reading)}
         return {"site": asdict(find_site(reference))}

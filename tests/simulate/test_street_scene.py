@@ -12,6 +12,7 @@ pytest.importorskip("embreex")
 shapely = pytest.importorskip("shapely")
 
 from hilbertvae.simulate.land import shrunk  # noqa: E402
+from hilbertvae.simulate.people import draw_person  # noqa: E402
 from hilbertvae.simulate.spinning_lidar import SENSORS  # noqa: E402
 from hilbertvae.simulate.street import CHARACTERS, StreetSettings, draw_poses, scan_scene  # noqa: E402
 from hilbertvae.simulate.street_filling import add_traffic, fill  # noqa: E402
@@ -186,6 +187,39 @@ def test_movers_move_straight_on(scene):
         a, b = mover.at_scan(0), mover.at_scan(3)
         assert np.hypot(b.s - a.s, b.t - a.t) == pytest.approx(3 * mover.step_m)
         assert b.soup is a.soup
+
+
+def test_who_turns_back_goes_to_and_fro():
+    walker = Thing("person", draw_person(np.random.default_rng(0)), 1.0, 2.0, np.pi / 2)
+    way = [Mover(walker, 0.5, turns_after=2).at_scan(k) for k in range(7)]
+    assert [thing.t for thing in way] == pytest.approx([2.0, 2.5, 3.0, 2.5, 2.0, 2.5, 3.0])
+    assert [thing.angle_rad for thing in way] == pytest.approx(np.pi / 2 + np.pi * np.array([0, 0, 0, 1, 0, 0, 0]))
+    assert {Mover(walker, 0.5, turns_after=0).at_scan(k).t for k in range(5)} == {2.0}
+
+
+def test_nobody_goes_through_anything():
+    """Over drives of 60 m with many scans, and many who walk: each place of each of them, on its own."""
+    lane_s, sent, left, turned_back = 2.0 * np.arange(30), 0, 0, 0
+    for seed, character in enumerate(["town", "park", "town", "residential", "outskirts", "town"]):
+        plan = draw_street_plan(np.random.default_rng([11, seed]), character, lane_s[-1], BEYOND_M)
+        scene = fill(np.random.default_rng([12, seed]), plan, lane_s[-1])
+        add_traffic(np.random.default_rng([13, seed]), scene, 2.0, lane_s)
+        sent += len(scene.movers)
+        scene.clear_ways(lane_s)
+        solid = [shrunk(thing.footprint()) for thing in scene.things if thing.kind != "grass"]
+        for k, s in enumerate(lane_s):
+            there = [(mover, shrunk(mover.at_scan(k).footprint())) for mover in scene.movers]
+            for number, (mover, place) in enumerate(there):
+                if mover.thing.kind != "vehicle":
+                    others = [
+                        *solid,
+                        *(other for _, other in there[:number]),
+                        shapely.box(s - 2, plan.lane_t - 0.9, s + 2, plan.lane_t + 0.9),
+                    ]
+                    assert not shapely.intersects(place, others).any(), (mover.thing, k)
+        left += len(scene.movers)
+        turned_back += sum(mover.turns_after is not None and mover.turns_after < 29 for mover in scene.movers)
+    assert left > 0.85 * sent and turned_back > 5
 
 
 def test_streets_hold_what_streets_hold():

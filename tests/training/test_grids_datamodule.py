@@ -13,6 +13,7 @@ from hilbertvae.gaps import NoRoom
 from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.scans.carmen import read_carmen
+from hilbertvae.simulate import SCENES
 from hilbertvae.training import kept_grids
 from hilbertvae.training.grid_pairs import GridPairs
 from hilbertvae.training.grids_datamodule import EpochBatches, GridsDataModule
@@ -51,7 +52,7 @@ def whole(pairs):
 def test_grids_of_simulated_sites_are_not_those_of_older_scenes(prepared, monkeypatch):
     log = prepared.data.train[0]
     before = [name_of(site, 0, prepared) for site in ("simulated:7", log)]
-    monkeypatch.setattr("hilbertvae.site.SCENES", 0)
+    monkeypatch.setitem(SCENES, 2, 0)
     after = [name_of(site, 0, prepared) for site in ("simulated:7", log)]
     assert before[0] != after[0] and before[1] == after[1]
 

@@ -1,4 +1,5 @@
 """Simulated sites: buildings and streets, and the lasers that scan them."""
 
-SCENES = 3
-"""Goes up whenever the same settings and seed come to give other scans: what was made of a site's scans is no longer of that site."""
+SCENES = {2: 3, 3: 4}
+"""Of buildings (2D) and streets (3D): goes up whenever the same settings and seed come to give other scans. What was made of a site's
+scans is no longer of that site."""

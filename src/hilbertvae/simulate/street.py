@@ -114,6 +114,7 @@ def simulate_street(settings: StreetSettings, seed: int) -> Scans:
     lane_s = step_m * np.arange(scans)
     if settings.traffic:
         add_traffic(for_things, scene, step_m, lane_s)
+        scene.clear_ways(lane_s)
     else:
         scene.movers.clear()
     poses = draw_poses(for_drive, plan, lane_s, lidar.height_m)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
 
 from hilbertvae.simulate.kerb_lines import Line
-from hilbertvae.simulate.land import Land, footprint
+from hilbertvae.simulate.land import Land, footprint, shrunk
 from hilbertvae.simulate.soup import Soup, joined
 from hilbertvae.simulate.street_plan import StreetPlan
 from hilbertvae.simulate.terrain import StreetGround, ground_soup
+
+OWN_CAR_M = (4.6, 1.9)
+"""Length and breadth of the car that carries the sensor."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +48,25 @@ class Thing:
 
 @dataclass(frozen=True)
 class Mover:
-    """A thing that goes `step_m` ahead between one scan and the next."""
+    """A thing that goes `step_m` ahead between one scan and the next; with `turns_after`, that many scans to and fro, from scan 0 on."""
 
     thing: Thing
     step_m: float
+    turns_after: int | None = None
 
     def at_scan(self, k: int) -> Thing:
         """The thing where it is in scan `k`."""
-        s, t = self.thing.s + k * self.step_m * np.cos(self.thing.angle_rad), self.thing.t + k * self.step_m * np.sin(self.thing.angle_rad)
-        return Thing(self.thing.kind, self.thing.soup, float(s), float(t), self.thing.angle_rad, self.thing.draped)
+        angle, back = self.thing.angle_rad, False
+        if self.turns_after is not None:
+            k = k % (2 * self.turns_after) if self.turns_after else 0
+            back = k > self.turns_after
+            k = 2 * self.turns_after - k if back else k
+        s, t = self.thing.s + k * self.step_m * np.cos(angle), self.thing.t + k * self.step_m * np.sin(angle)
+        return replace(self.thing, s=float(s), t=float(t), angle_rad=angle + np.pi * back)
+
+    def footprints(self, scans: np.ndarray) -> np.ndarray:
+        """(S,) the land that it takes in each of `scans (S,)`, without its edge."""
+        return np.array([shrunk(self.at_scan(k).footprint()) for k in scans])
 
 
 @dataclass
@@ -83,6 +96,24 @@ class Scene:
         """A mover from where it says on, unless something stands there."""
         if self._land.free(mover.thing.kind, mover.thing.footprint()):
             self.movers.append(mover)
+
+    def clear_ways(self, lane_s: np.ndarray) -> None:
+        """Nobody goes through anything in the scans that the sensor's car makes at `lane_s (S,)` of the plan: who walks turns back before
+        what stands, and who would still come into something, or into somebody, is left out."""
+        standing = shapely.STRtree([shrunk(thing.footprint()) for thing in self.things if thing.kind != "grass"])
+        (length, breadth), lane_t = OWN_CAR_M, self.plan.lane_t
+        ways = [shapely.box(lane_s - length / 2, lane_t - breadth / 2, lane_s + length / 2, lane_t + breadth / 2)]
+        self.movers, sent = [], sorted(self.movers, key=lambda mover: mover.thing.kind != "vehicle")
+        for mover in sent:
+            steps = np.arange(len(lane_s))
+            if mover.thing.kind == "person":
+                blocked = standing.query(mover.footprints(steps), predicate="intersects")[0]
+                mover = replace(mover, turns_after=max(int(blocked.min(initial=len(lane_s))) - 1, 0))
+            way = mover.footprints(steps)
+            met = standing.query(way, predicate="intersects").size or any(shapely.intersects(way, other).any() for other in ways)
+            if mover.thing.kind == "vehicle" or not met:
+                self.movers.append(mover)
+                ways.append(way)
 
     def leaf_m(self, line: Line, x: float, y: float) -> float:
         """Facets grow with the distance from the drive: a far crown needs fewer of them to look the same."""
