@@ -189,6 +189,25 @@ def test_every_section_of_the_method_that_code_cites_is_there():
     assert {"0", "7"} <= cited <= there
 
 
+def anchor(heading: str) -> str:
+    """What GitHub links a heading by."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+
+
+def test_links_lead_to_headings():
+    for page in (ROOT / "README.md", *ROOT.glob("docs/*.md"), ROOT / "docs/results/README.md"):
+        for path, name in re.findall(r"\]\(([^)#:]*)#([^)]+)\)", page.read_text(encoding="utf-8")):
+            there = (page.parent / path if path else page).read_text(encoding="utf-8")
+            assert name in map(anchor, re.findall(r"^#+ (.*)$", there, re.MULTILINE)), f"{page.name}: {path}#{name}"
+
+
+def test_the_readme_and_decisions_name_the_same_questions_that_scores_of_test_sites_raised():
+    told = re.search(r"asked again, it is told: of\n(.*?)\. Parts", README, re.DOTALL)[1]
+    begins = (ROOT / "docs/decisions.md").read_text(encoding="utf-8").split("\n- [")[0]
+    linked = re.findall(r"\(#([^)]+)\)", begins)
+    assert linked == re.findall(r"decisions\.md#([^)]+)\)", told) and len(linked) == 7
+
+
 def test_decisions_lists_its_entries():
     text = (ROOT / "docs/decisions.md").read_text(encoding="utf-8")
     assert re.findall(r"^- \[(.*)\]\(#", text, re.MULTILINE) == re.findall(r"^### (.*)$", text, re.MULTILINE)
