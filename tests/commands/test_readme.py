@@ -25,6 +25,7 @@ from toy_rooms import carmen_line, square_room, write_log
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+METHOD = (ROOT / "docs/method.md").read_text(encoding="utf-8")
 PAGES = README + (ROOT / "docs/mapping.md").read_text(encoding="utf-8")
 COMMANDS = [line.split("#")[0].strip() for line in re.findall(r"^\.venv/bin/hilbertvae-train .*$", README, re.MULTILINE)]
 MAPPING = [line.split("#")[0].strip() for line in re.findall(r"^\.venv/bin/hilbertvae-(?:map|query) .*$", PAGES, re.MULTILINE)]
@@ -183,10 +184,18 @@ def test_links_lead_somewhere():
 
 def test_every_section_of_the_method_that_code_cites_is_there():
     """Its page is what `METHOD n` in comments stands for."""
-    there = set(re.findall(r"^## (\d)\. ", (ROOT / "docs/method.md").read_text(encoding="utf-8"), re.MULTILINE))
+    there = set(re.findall(r"^## (\d)\. ", METHOD, re.MULTILINE))
     code = "\n".join(path.read_text(encoding="utf-8") for path in ROOT.glob("src/**/*.py"))
     cited = set("".join(re.findall(r"METHOD (\d(?: and \d)*)", code))) & set("0123456789")
     assert {"0", "7"} <= cited <= there
+
+
+def test_how_sampling_changes_scores():
+    """METHOD 1 has numbers of Intel's nearest neighbours, on points and on voxels."""
+    said = re.search(r"has F1 (.*) in gaps and 15 of them a best F1 of (.*), on every voxel once (.*) and (.*)\. So", METHOD).groups()
+    scores = read_result(ROOT / "docs/results/shipped/2d/result.json")[0].scores
+    rows = [(reading, *row) for reading in ("points", "voxels") for row in (("nearest", "f1"), ("nearest-15", "best_f1"))]
+    assert said == tuple(f"{np.mean(scores[mapper][reading]['gaps'][metric]):.2f}" for reading, mapper, metric in rows)
 
 
 def anchor(heading: str) -> str:
