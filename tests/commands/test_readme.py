@@ -18,9 +18,12 @@ from hilbertvae.commands.table import main as table
 from hilbertvae.commands.train import CONF, run, to_settings
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.ros_map import write_ros_map
+from hilbertvae.mappers.loading import load_mapper
+from hilbertvae.reconstruction.shipped import SHIPPED
 from hilbertvae.reports.mapper_names import for_points, is_network, is_rival
 from hilbertvae.reports.paper_table import PAPER
 from hilbertvae.reports.result_json import read_result
+from hilbertvae.scoring.cases import OCCLUSION_BANDS_M, OCCLUSION_RANGE_M
 from toy_rooms import carmen_line, square_room, write_log
 
 ROOT = Path(__file__).parents[2]
@@ -196,6 +199,24 @@ def test_how_sampling_changes_scores():
     scores = read_result(ROOT / "docs/results/shipped/2d/result.json")[0].scores
     rows = [(reading, *row) for reading in ("points", "voxels") for row in (("nearest", "f1"), ("nearest-15", "best_f1"))]
     assert said == tuple(f"{np.mean(scores[mapper][reading]['gaps'][metric]):.2f}" for reading, mapper, metric in rows)
+
+
+def test_the_method_has_the_frames_that_there_are():
+    """METHOD 2 and 3: how far boxes stand apart, and which ones are turned."""
+    grids = {name: load_mapper(name).reconstructor.grid for name in SHIPPED}
+    apart = [2 * grid.inner_radius_m / grid.cluster_diameter_m for grid in grids.values()]
+    assert f"ours from {min(apart):.3f} (2D) to {max(apart):.3f} (3D)" in METHOD
+    turned = re.search(r"scale; (.*) and the experiments `real_2d` and `real_3d` turn their boxes", METHOD)[1]
+    assert set(turned.split(", ")) == {f"`{name}`" for name, grid in grids.items() if grid.frame.rotation == "spread"}
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        for name in ("real_2d", "real_3d"):
+            assert to_settings(compose("config", overrides=[f"experiment={name}"])).grid.frame.rotation == "spread"
+
+
+def test_the_method_has_the_bands_that_are_asked():
+    """METHOD 7."""
+    bands = f"{OCCLUSION_BANDS_M[0][0]:g} to {OCCLUSION_BANDS_M[-1][1]:g} m from the nearest kept point, in bands"
+    assert f"{bands} (a row without one, as `occluded-sparse`, has those from {OCCLUSION_RANGE_M[0]:g} m on)" in METHOD
 
 
 def anchor(heading: str) -> str:
