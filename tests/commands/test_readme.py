@@ -18,6 +18,8 @@ from hilbertvae.commands.table import main as table
 from hilbertvae.commands.train import CONF, run, to_settings
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.ros_map import write_ros_map
+from hilbertvae.mappers.fixed_grid import FixedGridMapper
+from hilbertvae.mappers.lard import NEAREST, STRETCH
 from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.reconstruction.shipped import SHIPPED
 from hilbertvae.reports.mapper_names import for_points, is_network, is_rival
@@ -211,6 +213,16 @@ def test_the_method_has_the_frames_that_there_are():
     with initialize_config_dir(str(CONF), version_base="1.3"):
         for name in ("real_2d", "real_3d"):
             assert to_settings(compose("config", overrides=[f"experiment={name}"])).grid.frame.rotation == "spread"
+
+
+def test_the_method_has_the_numbers_that_code_cites_it_for():
+    """METHOD 4 and 6."""
+    hm = FixedGridMapper()
+    assert f"RBFs exp(-{hm.gamma_per_m2:g} r^2) on a fixed grid of {hm.spacing_m:g} m" in METHOD
+    assert STRETCH == 5 and f"five times the covariance of its returns, the {NEAREST} nearest clusters" in METHOD
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        paper, example = (to_settings(compose("config", overrides=[f"network={name}"])).network for name in ("paper_64", "paper_32"))
+    assert f"max-pool 2, dropout of {paper.dropout:g}," in METHOD and f"its example, with dropout of {example.dropout:g}." in METHOD
 
 
 def test_the_method_has_the_bands_that_are_asked():

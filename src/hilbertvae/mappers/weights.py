@@ -15,10 +15,9 @@ from hilbertvae.cloud import READINGS
 from hilbertvae.mappers.newton_logistic import LIGHT_RIDGE, logistic_weights
 
 OCCUPIED_WEIGHT = 2.0
-"""How many points one that is occupied counts for, in weights learned on points. Those are scored at the cuts (METHOD 5: these weights
-calibrate them), and F1 is highest where less than a half is occupied: with 2, the cut of 0.6 lies where 3 of 7 are. Chosen on the
-validation sites (docs/decisions.md, "Where the cut of 0.6 lies on points"); 1 is Eq. 15, and a probability then the share of points that
-is occupied. Voxels count once each."""
+"""How many points one that is occupied counts for, in weights learned on points. Those are scored at the cuts (METHOD 7), and F1 is
+highest where less than a half is occupied: with 2, the cut of 0.6 lies where 3 of 7 are. Chosen on the validation sites (docs/decisions.md,
+"Where the cut of 0.6 lies on points"); 1 is Eq. 15, and a probability then the share of points that is occupied. Voxels count once each."""
 NAMES = ("unseen", "seen", "everywhere", "beyond")
 RANKS_ALIKE = 0.03
 """Per query, of the ridge that holds the weights of ranks together. K boxes say nearly the same, so which of them is heard is left to the
