@@ -1,6 +1,7 @@
 """Every command and every piece of Python in the README and docs/mapping.md, executed: the commands with `debug=fast`, in a folder of the
 test's own. The README's scores are those of the result files."""
 
+import json
 import re
 import shlex
 import subprocess
@@ -29,6 +30,7 @@ from hilbertvae.scoring.cases import OCCLUSION_BANDS_M, OCCLUSION_RANGE_M
 from toy_rooms import carmen_line, square_room, write_log
 
 ROOT = Path(__file__).parents[2]
+SITES = ("intel", "kitti_drive0005")
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 METHOD = (ROOT / "docs/method.md").read_text(encoding="utf-8")
 PAGES = README + (ROOT / "docs/mapping.md").read_text(encoding="utf-8")
@@ -179,6 +181,23 @@ def test_what_is_said_beside_the_papers_numbers():
     area = [np.mean(row["gaps"]["auc"]) for row in rows]
     assert len(rows) == 8 and (low, high) == (f"{min(area):.2f}", f"{max(area):.2f}")
     assert max(np.mean(row[region]["recall"]) for row in rows for region in ("gaps", "observed")) < 0.01
+
+
+def test_speeds_are_those_of_the_benchmarks():
+    def rows(name):
+        found = json.loads((ROOT / f"docs/results/benchmarks/{name}.json").read_text(encoding="utf-8"))["rows"]
+        return {row["what"]: row for row in found}
+
+    millions = {(name, what): row["per second"] / 1e6 for name in ("queries", "queries_3d") for what, row in rows(name).items()}
+    said = r"a map answers (.*) million\nqueries a second in 2D and (.*) million in 3D.* answers (.*) and (.*) million"
+    said = re.search(said, PAGES).groups()
+    places = [(name, what) for what in ("Hilbert Map, predict_proba", "OctoMap, getLabels") for name in ("queries", "queries_3d")]
+    assert all(abs(float(number) - millions[place]) < 0.05 for number, place in zip(said, places, strict=True))
+    stages = [sum(row["seconds"] for what, row in rows(f"map_command_{site}").items() if "map" in what.split(":")[0]) for site in SITES]
+    said = re.search(r"written in (\d+) s of 2 cores .* of kitti_drive0005 in (\d+) s", PAGES).groups()
+    assert said == tuple(f"{seconds:.0f}" for seconds in stages)
+    peak = rows("large_cloud_3d")
+    assert len(peak) == 1 and f"21 million points peak at {peak['Hilbert Map']['peak_gb']:.0f} GB" in README  # the last row, of most points
 
 
 def test_links_lead_somewhere():
