@@ -200,6 +200,16 @@ def test_speeds_are_those_of_the_benchmarks():
     assert len(peak) == 1 and f"21 million points peak at {peak['Hilbert Map']['peak_gb']:.0f} GB" in README  # the last row, of most points
 
 
+def test_results_say_which_simulated_sites_they_trained_on():
+    """Those of now, or those from before they were redrawn: every folder of a training on some is named."""
+    page = (ROOT / "docs/results/README.md").read_text(encoding="utf-8")
+    named = re.search(r"Simulated sites were redrawn .*?\n\n", page, re.DOTALL)[0]
+    for file in ROOT.glob("docs/results/**/result.json"):
+        config, folder = read_result(file)[1]["config"], file.relative_to(ROOT / "docs/results").parts[0]
+        if config.get("data", {}).get("simulated") and not config.get("checkpoint"):
+            assert f"`{folder}`" in named, folder
+
+
 def test_links_lead_somewhere():
     for page in (ROOT / "README.md", *ROOT.glob("docs/*.md"), ROOT / "docs/results/README.md"):
         for link in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
