@@ -17,7 +17,7 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt --editable '.[sim,points,bags,poses,dev]'
 	touch $@
 
-install: $(READY)  ## The package and all its extras, in .venv
+install: $(READY)  ## The package in .venv, with all extras but rerun, slurm, ray and bench
 
 run: $(READY)  ## Train on simulated buildings, score on another one, leave pictures and result.json in outputs/run
 	$(BIN)/hilbertvae-train
