@@ -27,6 +27,7 @@ from hilbertvae.reports.mapper_names import for_points, is_network, is_rival
 from hilbertvae.reports.paper_table import PAPER
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.scoring.cases import OCCLUSION_BANDS_M, OCCLUSION_RANGE_M
+from hilbertvae.scoring.metrics import CALIBRATION_BINS, SMALLEST_PROBABILITY
 from toy_rooms import carmen_line, square_room, write_log
 
 ROOT = Path(__file__).parents[2]
@@ -252,6 +253,12 @@ def test_the_method_has_the_numbers_that_code_cites_it_for():
     with initialize_config_dir(str(CONF), version_base="1.3"):
         paper, example = (to_settings(compose("config", overrides=[f"network={name}"])).network for name in ("paper_64", "paper_32"))
     assert f"max-pool 2, dropout of {paper.dropout:g}," in METHOD and f"its example, with dropout of {example.dropout:g}." in METHOD
+
+
+def test_the_method_has_the_numbers_of_scores():
+    """METHOD 7."""
+    least = f"{SMALLEST_PROBABILITY:.0e}".replace("e-0", "e-")
+    assert f"NLL is of p between {least} and 1 - {least}; ECE has {CALIBRATION_BINS} equal bins of p" in METHOD
 
 
 def test_the_method_has_the_bands_that_are_asked():
