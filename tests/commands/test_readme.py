@@ -279,11 +279,9 @@ def test_links_lead_to_headings():
             assert name in map(anchor, re.findall(r"^#+ (.*)$", there, re.MULTILINE)), f"{page.name}: {path}#{name}"
 
 
-def test_the_readme_and_decisions_name_the_same_questions_that_scores_of_test_sites_raised():
-    told = re.search(r"asked again, it is told: of\n(.*?)\. Parts", README, re.DOTALL)[1]
+def test_the_readme_counts_the_questions_that_scores_of_test_sites_raised():
     begins = (ROOT / "docs/decisions.md").read_text(encoding="utf-8").split("\n- [")[0]
-    linked = re.findall(r"\(#([^)]+)\)", begins)
-    assert linked == re.findall(r"decisions\.md#([^)]+)\)", told) and len(linked) == 7
+    assert len(re.findall(r"\(#([^)]+)\)", begins)) == 7 and "of seven, a score here had the question asked" in README
 
 
 def test_decisions_lists_its_entries():
