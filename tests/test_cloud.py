@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hilbertvae import voxel_votes as votes_module
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import cloud_from_scans, fit_cloud, points_cloud, voxel_cloud
+from hilbertvae.cloud import Cloud, cloud_from_scans, fit_cloud, placed_as, points_cloud, voxel_cloud
 from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_votes import sorted_keys, voxel_index, voxel_votes
 
@@ -311,3 +311,32 @@ def test_masked_points_are_refused(room):
     masked = np.ma.masked_greater(room.scans.points, 5.0)
     with pytest.raises(InputError, match="points: expected no masked values, got"):
         cloud_from_scans(masked, room.scans.origins)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_cloud_is_placed_as_one_of_some_of_its_scans(dimension):
+    """Against one voxel after the other: of its own label if the other has one, else of the other label, else where it was."""
+    rng = np.random.default_rng(dimension)
+    scans = Scans(
+        rng.uniform(-1, 1, (300, dimension)), rng.uniform(-1, 1, (300, dimension)), np.repeat(np.arange(10), 30), np.tile(np.arange(30), 10)
+    )
+    whole, some = fit_cloud(scans, 0.1), fit_cloud(scans.select(scans.scan % 3 == 0), 0.1)
+    theirs = {}
+    for point, occupied in zip(some.points, some.occupied, strict=True):
+        theirs[(*np.floor(point / 0.1), occupied)] = point
+    placed, kinds = placed_as(whole, some, 0.1), [0, 0, 0]
+    for point, before, occupied in zip(placed.points, whole.points, whole.occupied, strict=True):
+        voxel = tuple(np.floor(before / 0.1))
+        options = [theirs.get((*voxel, occupied)), theirs.get((*voxel, not occupied)), before]
+        kind = next(kind for kind, option in enumerate(options) if option is not None)
+        kinds[kind] += 1
+        np.testing.assert_array_equal(point, options[kind])
+    assert min(kinds) > 10
+    np.testing.assert_array_equal(placed.weight, whole.weight)
+    np.testing.assert_array_equal(placed.occupied, whole.occupied)
+
+
+def test_a_cloud_placed_as_nothing_stays():
+    cloud = Cloud(np.zeros((1, 2)), np.ones(1, bool), np.ones(1))
+    nothing = cloud.select(np.zeros(1, bool))
+    assert placed_as(cloud, nothing, 0.1) is cloud and placed_as(nothing, cloud, 0.1) is nothing

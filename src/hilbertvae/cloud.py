@@ -14,7 +14,7 @@ from hilbertvae.checks import InputError, check_cell_m, check_points, check_posi
 from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, warn_of_long_beams, within_range
 from hilbertvae.scans.rounded import warn_if_rounded
 from hilbertvae.scans.scan import Scans
-from hilbertvae.voxel_votes import VoxelVotes, voxel_votes
+from hilbertvae.voxel_votes import VoxelVotes, voxel_index, voxel_votes
 
 RESOLUTION_M = {2: 0.1, 3: 0.2}
 """The map's cell, by dimension."""
@@ -56,6 +56,26 @@ def thinned_cloud(votes: VoxelVotes) -> Cloud:
         np.arange(hit.sum() + free.sum()) < hit.sum(),
         np.concatenate([votes.hits[hit], votes.frees[free]]),
     )
+
+
+def placed_as(cloud: Cloud, other: Cloud, resolution_m: float) -> Cloud:
+    """A `fit_cloud`, each point where `other`, that of some of the same scans, has one in its voxel: the one of its label if there are two.
+
+    Means of fewer samples lie elsewhere in a voxel, and so perhaps in another cell of a turned box, where only one of both knows something.
+    """
+    if not len(cloud) or not len(other):
+        return cloud
+    index = voxel_index(np.concatenate([other.points, cloud.points]), resolution_m)
+    index -= index.min(axis=0)
+    _, voxel = np.unique(np.ravel_multi_index(tuple(index.T), tuple(index.max(axis=0) + 1)), return_inverse=True)
+    theirs, mine = voxel[: len(other)], voxel[len(other) :]
+    points = cloud.points.copy()
+    for labels_alike in (False, True):
+        found = np.full((2, len(voxel)), -1)
+        found[other.occupied.astype(int), theirs] = np.arange(len(other))
+        there = found[(cloud.occupied == labels_alike).astype(int), mine]
+        points[there >= 0] = other.points[there[there >= 0]]
+    return Cloud(points, cloud.occupied, cloud.weight)
 
 
 def voxel_cloud(scans: Scans, resolution_m: float) -> Cloud:

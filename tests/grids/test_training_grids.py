@@ -1,13 +1,17 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import fit_cloud
+from hilbertvae.cloud import fit_cloud, placed_as
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids import training_grids as made_by
 from hilbertvae.grids.cluster_grids import bin_grids, find_frames
+from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.grids.training_grids import ClusteringSettings, gapped_grids, training_grids, turned
 from hilbertvae.occlusions import random_occlusion
+from hilbertvae.voxel_votes import voxel_index
 from toy_rooms import tiny_grid
 
 
@@ -59,8 +63,24 @@ def test_an_occluded_clustering_is_shown_fewer_scans(place):
     left = fit_cloud(place.scans.select(random_occlusion(place.scans, 3)), place.resolution_m)
     frames = find_frames(left, grid, 3)
     np.testing.assert_array_equal(shown, bin_grids(left, frames, grid))
-    np.testing.assert_array_equal(target, bin_grids(fit_cloud(place.scans, place.resolution_m), frames, grid))
+    whole = placed_as(fit_cloud(place.scans, place.resolution_m), left, place.resolution_m)
+    np.testing.assert_array_equal(target, bin_grids(whole, frames, grid))
     assert ((shown == 0) & (target != 0)).any() and ((shown == 0) | (target != 0)).all()
+
+
+def test_what_an_occlusion_hides_is_in_voxels_that_it_left_unseen(room):
+    """In turned boxes, too, of grids as fine as voxels: but for cells whose middle lies in another voxel than what is in them."""
+    grid, hidden, of_seen = replace(tiny_grid(), frame=FrameSettings(rotation="spread")), 0, 0
+    for seed in range(6):
+        shown, target = training_grids(room.scans, 0.1, grid, ClusteringSettings(1, [], occluded_share=1.0, turn=False), seed)
+        left = fit_cloud(room.scans.select(random_occlusion(room.scans, seed)), 0.1)
+        seen = set(map(tuple, voxel_index(left.points, 0.1)))
+        frames = find_frames(left, grid, seed)
+        m, *cell = np.nonzero((shown == 0) & (target != 0))
+        middles = frames.back((np.stack(cell, axis=1) + 0.5) / grid.cells - 0.5, m)
+        hidden += len(m)
+        of_seen += sum(tuple(voxel) in seen for voxel in voxel_index(middles, 0.1))
+    assert hidden > 100 and of_seen < 0.15 * hidden
 
 
 def test_as_many_clusterings_are_occluded_as_asked(room, monkeypatch):

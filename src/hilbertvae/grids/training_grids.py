@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hilbertvae.checks import InputError, check_share
-from hilbertvae.cloud import FREE_POINT_M, Cloud, fit_cloud
+from hilbertvae.cloud import FREE_POINT_M, Cloud, fit_cloud, placed_as
 from hilbertvae.gaps import NoRoom, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, bin_voted, find_frames
 from hilbertvae.occlusions import random_occlusion
@@ -63,6 +63,7 @@ def training_grids(
     cloud = whole
     if rng.random() < clustering.occluded_share:
         cloud = fit_cloud(scans.select(random_occlusion(scans, seed)), resolution_m)
+        whole = placed_as(whole, cloud, resolution_m)  # or a turned box would take for hidden what is shown a cell further
     elif clustering.gap_diameter_m:
         cloud = random_gaps(whole, tuple(clustering.gap_diameter_m), resolution_m, seed).cut(whole)
     frames = find_frames(cloud, grid, seed)
