@@ -1,11 +1,11 @@
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 
 import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSettings
 from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
-from hilbertvae.reconstruction.networks import build_network, network_settings
+from hilbertvae.reconstruction.networks import NETWORKS, build_network, network_settings
 from hilbertvae.reconstruction.paper_network import PaperNetwork, PaperNetworkSettings
 
 
@@ -50,3 +50,27 @@ def test_a_stem_of_no_cells_is_named():
 def test_a_kind_that_is_not_that_of_its_settings_is_named():
     with pytest.raises(InputError, match="network.kind: expected 'gated', as the chosen network has, got 'paper'"):
         build_network(GatedNetworkSettings(kind="paper"), 2, 16)
+
+
+class OwnNetwork(GatedNetwork):
+    """Somebody's, with the settings of ours."""
+
+
+def test_kinds_of_one_settings_class_leave_each_other_alone(monkeypatch):
+    monkeypatch.setitem(NETWORKS, "own", (GatedNetworkSettings, OwnNetwork))
+    few = {"channels": [4], "blocks": [1], "latent": 2}
+    assert type(build_network(GatedNetworkSettings(kind="own", **few), 2, 8)) is OwnNetwork
+    assert type(build_network(GatedNetworkSettings(**few), 2, 8)) is GatedNetwork
+    with pytest.raises(InputError, match="network.kind: expected 'gated' or 'own', as the chosen network has, got 'paper'"):
+        build_network(GatedNetworkSettings(kind="paper"), 2, 16)
+
+
+@dataclass
+class Unlisted:
+    kind: str = "unlisted"
+
+
+@pytest.mark.parametrize("settings", [Unlisted(), Unlisted("gated")])
+def test_a_network_that_was_not_made_known_is_named(settings):
+    with pytest.raises(InputError, match="network: expected settings of a class that NETWORKS has, got Unlisted"):
+        build_network(settings, 2, 16)

@@ -29,10 +29,19 @@ def network_settings(values: dict) -> NetworkSettings:
     return NETWORKS[kind][0](**values)
 
 
+def check_kind(settings: NetworkSettings) -> None:
+    """An `InputError` for settings of no network, or whose `kind` is that of another class: the class decides which keys there are, and
+    is chosen as a whole. Several kinds may share one."""
+    if NETWORKS.get(getattr(settings, "kind", None), (None,))[0] is type(settings):
+        return
+    own = [repr(kind) for kind, (made_with, _) in NETWORKS.items() if made_with is type(settings)]
+    if not own:
+        raise InputError(f"network: expected settings of a class that NETWORKS has, got {type(settings).__name__}")
+    raise InputError(f"network.kind: expected {' or '.join(own)}, as the chosen network has, got {settings.kind!r}")
+
+
 def build_network(settings: NetworkSettings, dimension: int, cells: int) -> nn.Module:
     """A network with fresh weights for grids of `cells`^dimension, its channels last in memory, which spares convolutions a copy."""
-    kinds = {made_with: kind for kind, (made_with, _) in NETWORKS.items()}
-    if settings.kind != kinds[type(settings)]:  # the settings' class decides which keys there are, and is chosen as a whole
-        raise InputError(f"network.kind: expected {kinds[type(settings)]!r}, as the chosen network has, got {settings.kind!r}")
+    check_kind(settings)
     made = NETWORKS[settings.kind][1](settings, dimension, cells)
     return made.to(torch.float32, memory_format=CHANNELS_LAST[dimension])  # whatever a caller's default is
