@@ -13,6 +13,7 @@ pytest.importorskip("shapely")
 
 from hilbertvae.checks import InputError  # noqa: E402
 from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
+from hilbertvae.reconstruction.networks import NETWORKS  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
 from hilbertvae.scoring.protocol import Protocol  # noqa: E402
 from hilbertvae.training import train as train_module  # noqa: E402
@@ -184,3 +185,15 @@ def test_code_of_ones_own_names_a_network_too(first, monkeypatch):
     monkeypatch.setattr(train_module, "foreign_source", lambda kind: None)
     with pytest.raises(InputError, match="^trained: expected none with a network whose code is in no file"):
         kept_name(settings)
+    ours = {type(settings.network), NETWORKS[settings.network.kind][1]}
+    monkeypatch.setattr(train_module, "foreign_source", lambda kind: "" if kind in ours else "class Mine: pass")
+    assert kept_name(settings) != usual  # by the likelihood alone
+    monkeypatch.setattr(train_module, "foreign_source", lambda kind: "" if kind in ours else None)
+    with pytest.raises(InputError, match="^trained: expected none with a likelihood whose code is in no file"):
+        kept_name(settings)
+
+
+def test_a_kind_that_is_unknown_is_named_before_a_place_is_looked_for(first):
+    settings = replace(first[0], network=replace(first[0].network, kind="foo"))
+    with pytest.raises(InputError, match="^network.kind: expected 'gated', as the chosen network has, got 'foo'"):
+        train(settings)

@@ -8,10 +8,15 @@ import pytest
 import torch
 from training_toys import tiny_settings
 
+from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.mappers.constant import ConstantMapper
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.nearest import NearestMapper
+from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
+from hilbertvae.reconstruction.likelihood import Bernoulli, LikelihoodSettings
+from hilbertvae.reconstruction.networks import build_network
+from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.run_state import UNFINISHED
 from hilbertvae.scoring.protocol import Protocol, evaluate_all
 from hilbertvae.training import kept_scores
@@ -206,3 +211,18 @@ def test_scores_of_code_that_no_file_holds_are_not_kept(settings, room):
     for mapper, there in ((typed, False), (NearestMapper(), True)):
         kept.keep({"early": mapper}, 0, found)
         assert (kept.take({"early": mapper}, 0) is not None) == there
+
+
+@pytest.mark.parametrize("part", ["network", "likelihood"])
+def test_a_network_s_own_code_counts_as_a_mapper_s_does(settings, monkeypatch, part):
+    """Its weights would be the same after its `forward` was mended."""
+    few = GatedNetworkSettings(channels=[4], blocks=[1], latent=2)
+    grid = GridSettings(cells=8)
+    ours = HilbertMap(Reconstructor(build_network(few, 2, 8), few, LikelihoodSettings(), grid, 2, 0.1))
+    kept = KeptScores(settings, settings.data.test[0])
+    theirs = {"network": GatedNetwork, "likelihood": Bernoulli}[part]
+    found = []
+    for source in ("", "before", "after", None):
+        monkeypatch.setattr(kept_scores, "foreign_source", lambda kind, source=source: source if kind is theirs else "")
+        found.append(kept.path({"ours": ours}, 0))
+    assert len({*found}) == 4 and found[-1] is None

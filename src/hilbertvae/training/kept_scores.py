@@ -15,6 +15,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.files import file_sha256, hash_of
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reconstruction.likelihood import LIKELIHOODS
 from hilbertvae.reconstruction.precision import device_name
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.provenance import cpu_name, package_versions
@@ -52,7 +53,7 @@ class KeptScores:
 
     def path(self, mappers: dict[str, Mapper], seed: int) -> Path | None:
         """Where the scores of these mappers with a gap seed are kept; None where the code of one can't be read, which may change."""
-        if any(foreign_source(type(mapper)) is None for mapper in mappers.values()):
+        if any(foreign_source(kind) is None for mapper in mappers.values() for kind in _code_of(mapper)):
             return None
         described = {name: _described(mapper) for name, mapper in mappers.items()}
         return self.folder / f"{hash_of({**self.made_of, 'mappers': described, 'seed': seed})}.json"
@@ -92,13 +93,20 @@ CODE = _code_hash()
 
 
 def _described(mapper: Mapper) -> list:
-    """A mapper's class, the source of one that is not ours, and its settings: networks and files by contents, a GPU by its model."""
+    """A mapper's class, what source of it and of its network is not ours, and its settings: networks and files by contents, a GPU by its
+    model."""
     kind = type(mapper)
     again = ("seed", "centres") if mapper.told_gaps else ("seed",)  # set for each gap seed
     parameters = {key: _plain(value) for key, value in mapper.get_params(deep=False).items() if key not in again}
     if isinstance(mapper, HilbertMap):
         parameters["device"] = device_name(mapper.device)
-    return [f"{kind.__module__}.{kind.__qualname__}", foreign_source(kind), parameters]
+    return [f"{kind.__module__}.{kind.__qualname__}", [foreign_source(part) for part in _code_of(mapper)], parameters]
+
+
+def _code_of(mapper: Mapper) -> list[type]:
+    """The classes whose code answers for a mapper: its own, and of its network that and the likelihood's."""
+    networks = [value for value in mapper.get_params(deep=False).values() if isinstance(value, Reconstructor)]
+    return [type(mapper), *(part for made in networks for part in (type(made.network), LIKELIHOODS[made.likelihood.kind]))]
 
 
 def _plain(value: object) -> object:

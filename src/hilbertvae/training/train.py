@@ -20,7 +20,8 @@ from hilbertvae.checks import InputError
 from hilbertvae.files import hash_of, json_object, write_json
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.blocks import convolutions
-from hilbertvae.reconstruction.networks import NETWORKS
+from hilbertvae.reconstruction.likelihood import LIKELIHOODS
+from hilbertvae.reconstruction.networks import NETWORKS, check_kind
 from hilbertvae.reconstruction.precision import training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.run_state import TRAINING, clear
@@ -47,12 +48,16 @@ take it for the word of a cluster that has started its processes already, and wa
 def kept_name(settings: Settings) -> str:
     """What names a kept network: its settings, and the code that trains it and learns its Hilbert Map's weights.
 
-    An `InputError` for a network whose code can't be read: it may be another one the next time.
+    An `InputError` for a network or likelihood whose code can't be read: it may be another one the next time.
     """
     code = code_hash((*GRID_SOURCES, "mappers", "reconstruction", "scoring/calibration.py", "scoring/cases.py", "training"))
-    own = [foreign_source(kind) for kind in (type(settings.network), NETWORKS[settings.network.kind][1])]
-    if None in own:
-        raise InputError("trained: expected none with a network whose code is in no file; write it into a module")
+    check_kind(settings.network)
+    network = [type(settings.network), NETWORKS[settings.network.kind][1]]
+    own = []
+    for what, kinds in (("network", network), ("likelihood", [LIKELIHOODS[settings.likelihood.kind]])):
+        own += map(foreign_source, kinds)
+        if None in own:
+            raise InputError(f"trained: expected none with a {what} whose code is in no file; write it into a module")
     return hash_of([training_hash(settings), hilbertvae.__version__, code, *filter(None, own)])
 
 
