@@ -1,11 +1,13 @@
 """What is left of an evaluation in a folder."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from reports_toys import reconstructor
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
@@ -60,3 +62,12 @@ def test_a_mapper_that_failed_is_listed_and_leaves_the_rest_of_the_report(tmp_pa
     assert np.isfinite(written["scores"]["nearest"]["points"]["gaps"]["auc"]).all()
     assert (tmp_path / "pictures" / "map.png").exists() and list((tmp_path / "tensorboard").glob("events*"))
     assert "Failed: cvae-hm on room" in capsys.readouterr().out
+
+
+def test_scores_and_pictures_of_a_site_share_a_tag(tmp_path):
+    site = replace(room(), name="simulated:7")
+    mappers = {"nearest": NearestMapper()}
+    Report(tmp_path, {"name": "run"})(evaluate_all(mappers, site, Protocol([0], cluster_size_m=2.0, occlusion=False)), site, mappers)
+    tags = EventAccumulator(str(tmp_path / "tensorboard")).Reload().Tags()
+    assert tags["images"] and all(tag.startswith("simulated_7/") for tag in tags["images"])
+    assert "simulated_7/scores/text_summary" in tags["tensors"]

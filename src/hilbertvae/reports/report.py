@@ -36,7 +36,7 @@ from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_p
 from hilbertvae.reports.site_view import SiteView, telling_gaps
 from hilbertvae.reports.slice_pictures import slice_picture
 from hilbertvae.reports.surface_pictures import close_up_picture, site_view_picture
-from hilbertvae.reports.tensorboard import write_tensorboard
+from hilbertvae.reports.tensorboard import site_tag, write_tensorboard
 from hilbertvae.reports.uncertainty_pictures import uncertainty_picture
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
@@ -98,14 +98,15 @@ class Report:
             temporary.write_text(scores_text(result), encoding="utf-8")
         print_scores(result, Console())
         figures, surface = self._figures(result, site, mappers) if self.pictures and result.scores else ({}, None)
-        images = {f"{site.name}/{tag}": save_picture(figure, folder / PICTURES / f"{tag}.png") for tag, figure in figures.items()}
+        shown = site_tag(site.name)
+        images = {f"{shown}/{tag}": save_picture(figure, folder / PICTURES / f"{tag}.png") for tag, figure in figures.items()}
         with SummaryWriter(str(self.folder / TENSORBOARD)) as writer:
             if not self.written[1:]:
                 write_hparams(writer, self.config, result)
             write_tensorboard(writer, result, images, self.config)
             if surface and len(surface):
                 write_ply(folder / SURFACE, surface, surface_colours(surface, site.ground))
-                add_surface(writer, f"{site.name}/surface", surface, ground=site.ground)
+                add_surface(writer, f"{shown}/surface", surface, ground=site.ground)
         self.failed.update({f"{name} on {site.name}": why for name, why in result.failed.items()})
         if figures:
             print(f"Pictures: {folder / PICTURES}")

@@ -14,7 +14,7 @@ from hilbertvae.scoring.result import Result, asked
 def score_scalars(result: Result) -> dict[str, float]:
     """`score/<site>/<mapper>/<reading>/<region>/<metric>` by the mean over gap seeds that have something in the region."""
     return {
-        f"score/{_tag(result)}/{mapper}/{reading}/{region}/{metric}": float(np.mean(values))
+        f"score/{site_tag(result.site)}/{mapper}/{reading}/{region}/{metric}": float(np.mean(values))
         for mapper, readings in result.scores.items()
         for reading, regions in readings.items()
         for region, metrics in regions.items()
@@ -23,9 +23,9 @@ def score_scalars(result: Result) -> dict[str, float]:
     }
 
 
-def _tag(result: Result) -> str:
-    """The site in a tag, as TensorBoard writes that of a picture: a run may have several test sites."""
-    return result.site.replace(":", "_")
+def site_tag(site: str) -> str:
+    """A site's name in tags, of scores, pictures and surfaces alike: a run may have several test sites."""
+    return site.replace(":", "_")
 
 
 def write_tensorboard(writer, result: Result, images: Mapping[str, np.ndarray] | None = None, config: dict | None = None) -> None:
@@ -37,7 +37,7 @@ def write_tensorboard(writer, result: Result, images: Mapping[str, np.ndarray] |
         writer.add_scalar(tag, value, 0)
     for tag, image in (images or {}).items():
         writer.add_image(tag, image, 0, dataformats="HWC")
-    writer.add_text(f"{_tag(result)}/scores", markdown_scores(result), 0)
+    writer.add_text(f"{site_tag(result.site)}/scores", markdown_scores(result), 0)
     if config is not None:
         # Four spaces make a Markdown code block, whatever the text contains.
         writer.add_text("config", "\n".join("    " + line for line in json.dumps(config, indent=2, default=str).splitlines()), 0)
