@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from reports_toys import reconstructor
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from torch.utils.tensorboard import SummaryWriter
 
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
@@ -71,3 +72,21 @@ def test_scores_and_pictures_of_a_site_share_a_tag(tmp_path):
     tags = EventAccumulator(str(tmp_path / "tensorboard")).Reload().Tags()
     assert tags["images"] and all(tag.startswith("simulated_7/") for tag in tags["images"])
     assert "simulated_7/scores/text_summary" in tags["tensors"]
+
+
+def test_a_run_that_is_scored_again_shows_its_new_scores_alone_beside_its_curves(tmp_path):
+    site, protocol = room(), Protocol([0], cluster_size_m=2.0, occlusion=False)
+    with SummaryWriter(tmp_path / "tensorboard") as training:
+        training.add_scalar("train/loss", 1.0, 7)
+    for names in (("nearest", "gone"), ("nearest",)):
+        mappers = {name: NearestMapper() for name in names}
+        report = Report(tmp_path, {"name": "run"}, pictures=False)
+        for name in ("first", "second"):
+            tested = replace(site, name=name)
+            report(evaluate_all(mappers, tested, protocol), tested, mappers)
+    events = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
+    assert [point.step for point in events.Scalars("train/loss")] == [7]
+    for name in ("first", "second"):
+        assert len(events.Scalars(f"score/{name}/nearest/voxels/gaps/auc")) == 1
+    assert len(events.Scalars("headline/gaps_voxels_auc")) == 1
+    assert not [tag for tag in events.Tags()["scalars"] if "/gone/" in tag]

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 from rich.console import Console
-from torch.utils.tensorboard import SummaryWriter
 
 from hilbertvae.drawing.canvas import save_picture
 from hilbertvae.drawing.lit_colours import surface_colours
@@ -36,7 +35,7 @@ from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_p
 from hilbertvae.reports.site_view import SiteView, telling_gaps
 from hilbertvae.reports.slice_pictures import slice_picture
 from hilbertvae.reports.surface_pictures import close_up_picture, site_view_picture
-from hilbertvae.reports.tensorboard import site_tag, write_tensorboard
+from hilbertvae.reports.tensorboard import scores_writer, site_tag, write_tensorboard
 from hilbertvae.reports.uncertainty_pictures import uncertainty_picture
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
@@ -100,8 +99,9 @@ class Report:
         figures, surface = self._figures(result, site, mappers) if self.pictures and result.scores else ({}, None)
         shown = site_tag(site.name)
         images = {f"{shown}/{tag}": save_picture(figure, folder / PICTURES / f"{tag}.png") for tag, figure in figures.items()}
-        with SummaryWriter(str(self.folder / TENSORBOARD)) as writer:
-            if not self.written[1:]:
+        first = len(self.written) == 1
+        with scores_writer(self.folder / TENSORBOARD, anew=first) as writer:
+            if first:
                 write_hparams(writer, self.config, result)
             write_tensorboard(writer, result, images, self.config)
             if surface and len(surface):

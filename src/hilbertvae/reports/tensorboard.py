@@ -4,11 +4,25 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
+from torch.utils.tensorboard import SummaryWriter
 
 from hilbertvae.reports.score_table import markdown_scores
 from hilbertvae.scoring.result import Result, asked
+
+SCORED = ".scores"
+"""What the name of a scoring's file ends with; Lightning's, of a training in the same folder, end otherwise."""
+
+
+def scores_writer(folder: str | Path, anew: bool) -> SummaryWriter:
+    """A writer of a scoring's own file. anew: what earlier scorings wrote into `folder` goes, as it would be shown as this one's: their
+    points beside these, and mappers and pictures that there are no more. A training's curves stay."""
+    if anew:
+        for file in Path(folder).glob(f"events*{SCORED}"):
+            file.unlink()
+    return SummaryWriter(str(folder), filename_suffix=SCORED)
 
 
 def score_scalars(result: Result) -> dict[str, float]:
