@@ -133,6 +133,20 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(finished, tmp_path, monkeyp
     assert_same(path, finished[1])
 
 
+@pytest.mark.parametrize(("scored", "said"), [
+    (False, "training was interrupted; the same command goes on from the last epoch in"),
+    (True, "scoring was interrupted; the same command goes on after the last mapper and gap seed that were done in"),
+])  # fmt: skip
+def test_what_was_interrupted_is_said(finished, tmp_path, monkeypatch, scored, said):
+    def stopped(*arguments, **named):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("signal.signal", lambda *arguments: None)  # Lightning switches Ctrl-C off for the rest of the process
+    monkeypatch.setattr("hilbertvae.training.hilbert_map_callback." + ("score" if scored else "learn_rank_weights"), stopped)
+    with pytest.raises(KeyboardInterrupt, match=said):
+        train(replace(finished[0], output=str(tmp_path / "interrupted")))
+
+
 def test_what_is_taken_again_is_logged_once(finished, tmp_path, monkeypatch):
     settings = replace(finished[0], output=str(tmp_path / "interrupted"), trainer=replace(TRAINER, steps_per_epoch=12))
     with monkeypatch.context() as patch:

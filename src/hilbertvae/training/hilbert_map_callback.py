@@ -28,6 +28,7 @@ class HilbertMapCallback(L.Callback):
         self.settings, self.mappers, self.write, self.kept = settings, mappers, write, kept
         self.checkpoint = Path(settings.output) / "model.safetensors"
         self.seconds, self.before = {}, {}
+        self.scoring = False
         self.since = time.perf_counter()
 
     def on_fit_start(self, trainer: L.Trainer, module: L.LightningModule) -> None:
@@ -55,6 +56,7 @@ class HilbertMapCallback(L.Callback):
         reconstructor.save(self.checkpoint)
         if self.kept:
             self.kept.keep(self.checkpoint, self.seconds)
+        self.scoring = True
         score(settings, self.mappers, reconstructor, self.write)
 
     def state_dict(self) -> dict:

@@ -141,7 +141,9 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
         try:
             trainer.fit(module, GridsDataModule(settings), ckpt_path=resume, weights_only=True)
         except SystemExit:  # Lightning's answer to Ctrl-C
-            raise KeyboardInterrupt(f"training was interrupted; the same command goes on from the last epoch in {output}") from None
+            on = "after the last mapper and gap seed that were done" if after_fit.scoring else "from the last epoch"
+            what = "scoring" if after_fit.scoring else "training"
+            raise KeyboardInterrupt(f"{what} was interrupted; the same command goes on {on} in {output}") from None
         finally:
             for name, value in before.items():
                 os.environ.pop(name, None)
