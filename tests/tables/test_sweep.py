@@ -1,11 +1,13 @@
 """A sweep's folder: what is read, and what is refused with the file's name and the key."""
 
+import json
+
 import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.reports.run_state import write_refusal
-from hilbertvae.tables.layouts import read_page
-from hilbertvae.tables.sweep import case_of, grouped, read_sweep
+from hilbertvae.tables.layouts import LAYOUTS, read_page
+from hilbertvae.tables.sweep import KINDS, case_of, grouped, read_sweep
 from toy_sweeps import change, declare, put, put_failed
 
 
@@ -73,6 +75,20 @@ def test_a_bad_sweep_file(tmp_path, content, message):
     (tmp_path / "sweep.json").write_text(content)
     with pytest.raises(InputError, match=message):
         read_page(tmp_path, "table1" if "table2" in message else None)
+
+
+@pytest.mark.parametrize("size", ["quick", ""])
+def test_a_sweep_of_ones_own_has_the_table_that_is_asked_for(tmp_path, size):
+    put(tmp_path, "a-seed0", {"nearest": [0.1, 0.2]})
+    (tmp_path / "sweep.json").write_text(json.dumps({"sweep": "mine", "size": size, "jobs": ["a-seed0", "b-seed0"]}))
+    with pytest.raises(InputError, match="got 'mine'; say with --sweep which of these tables it is to have"):
+        read_page(tmp_path)
+    text = read_page(tmp_path, "table1").markdown()
+    assert f"(table1{', size quick' if size else ''})" in text and "missing: b-seed0" in text
+
+
+def test_every_kind_has_its_table():
+    assert tuple(LAYOUTS) == KINDS
 
 
 def test_no_folder_no_results_and_no_kind(tmp_path):

@@ -16,7 +16,7 @@ def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="hilbertvae-table", description="Write table.md, table.csv and figure.png of a sweep's results.")
     parser.add_argument("folder", type=Path, help="folder of a sweep, with a folder per job and result.json in each")
     parser.add_argument("--output", type=Path, help="where to write; by default the folder itself")
-    parser.add_argument("--sweep", choices=LAYOUTS, help="what the sweep is, for a folder without sweep.json")
+    parser.add_argument("--sweep", choices=LAYOUTS, help="whose table it is to have: without sweep.json, or of a sweep of your own")
     given = parser.parse_args(words)
     try:
         print(write_tables(given.folder, given.output, given.sweep), end="")

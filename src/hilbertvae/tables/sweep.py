@@ -22,6 +22,8 @@ from hilbertvae.scoring.result import Result
 from hilbertvae.tables.recipe import check_same_recipe
 
 SWEEP = "sweep.json"
+KINDS = ("table1", "table2", "fig2", "fig6", "fig7", "tradeoff", "ablation", "generalise", "recipes")
+"""What there are tables for (`layouts.py`)."""
 SIZES = ("quick", "full")
 JOB = re.compile(r"(?P<case>.+)-seed(?P<seed>\d+)")
 """A job's folder, which tells its case where no configuration does."""
@@ -134,7 +136,8 @@ def case_of(job: str) -> str:
 
 
 def read_kind(folder: Path, kind: str | None) -> tuple[str, str | None, list[str] | None]:
-    """(kind, size, jobs) of a folder; size and jobs are None for one that was made by hand, which `kind` has to be given for."""
+    """(kind, size, jobs) of a folder; size and jobs are None for one that was made by hand, which `kind` has to be given for, as for a
+    sweep of somebody's own, whose table is then that of the `kind`."""
     path = folder / SWEEP
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder")
@@ -146,13 +149,17 @@ def read_kind(folder: Path, kind: str | None) -> tuple[str, str | None, list[str
     for key, expected in (("sweep", str), ("size", str), ("jobs", list)):
         if not isinstance(content.get(key), expected):
             raise InputError(f"{path}: {key}: expected {'text' if expected is str else 'a list of names'}, got {content.get(key)!r:.60}")
-    if content["size"] not in SIZES:
+    ours = content["sweep"] in KINDS
+    if content["size"] not in (SIZES if ours else (*SIZES, "")):
         raise InputError(f"{path}: size: expected {' or '.join(SIZES)}, got {content['size']!r}")
     if not all(isinstance(job, str) and job for job in content["jobs"]):
         raise InputError(f"{path}: jobs: expected names of folders, got {content['jobs']!r:.60}")
-    if kind not in (None, content["sweep"]):
+    if ours and kind not in (None, content["sweep"]):
         raise InputError(f"{path}: sweep: expected {kind}, as --sweep says, got {content['sweep']}")
-    return content["sweep"], content["size"], content["jobs"]
+    if not ours and kind is None:
+        known = f"expected one of {', '.join(KINDS)}, got {content['sweep']!r}"
+        raise InputError(f"{path}: sweep: {known}; say with --sweep which of these tables it is to have")
+    return kind or content["sweep"], content["size"] or None, content["jobs"]
 
 
 def read_json(path: Path) -> dict:

@@ -13,8 +13,9 @@ from hilbertvae.tables.layouts import read_page
 def write_tables(folder: str | os.PathLike, output: str | os.PathLike | None = None, kind: str | None = None) -> str:
     """Write `table.md`, `table.csv` (a line per row) and `figure.png` of the sweep in `folder` into `output`, or into `folder` itself.
 
-    Tables of other rows than the first one's go into `table-<name>.csv`. kind: the sweep's name, for a folder without `sweep.json`.
-    Returns the Markdown. Raises `InputError`, before anything is written, for results that can't be read or can't stand in one table.
+    Tables of other rows than the first one's go into `table-<name>.csv`. kind: which sweep's table it is to have, for a folder without
+    `sweep.json`, or of a sweep of somebody's own. Returns the Markdown. Raises `InputError`, before anything is written, for results that
+    can't be read or can't stand in one table.
     """
     folder = Path(folder)
     output = Path(output) if output is not None else folder
