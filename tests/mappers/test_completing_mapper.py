@@ -3,6 +3,8 @@ import pytest
 from sklearn.base import clone
 
 from hilbertvae.checks import InputError
+from hilbertvae.cloud import Cloud, fit_cloud
+from hilbertvae.grids.cluster_grids import bin_grids
 from hilbertvae.mappers import completing_mapper
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.saved_map import load_map, save_map
@@ -132,3 +134,43 @@ def test_raw_grids_have_cells_as_large_as_voxels(resolution_m):
     site = Site("room", cloud, resolution_m or 0.2)
     mapper = fit(HilbertMap(evidence=False, resolution_m=resolution_m), site.fit)
     assert mapper.grid_.cell_m == mapper.evidence_.resolution_m == site.resolution_m
+
+
+FINER = 10
+
+
+def occupied_share(shown):
+    """Of the known cells that a network was shown."""
+    shown = np.concatenate(shown)
+    return (shown == 1).sum() / (shown != 0).sum()
+
+
+@pytest.mark.parametrize("learned", [False, True])
+def test_a_network_is_shown_as_many_walls_in_finer_voxels(room, monkeypatch, learned):
+    """A beam leaves a free sample in each of them, ten in the cell of a grid, and one return."""
+    network, shown = tiny_reconstructor(), []
+    if learned:
+        monkeypatch.setattr(adaptation, "adapted", lambda network, given, target, *rest: shown.extend([given, target]) or network)
+    else:
+        complete = Reconstructor.complete
+        monkeypatch.setattr(
+            Reconstructor, "complete", lambda self, grids, *how, **named: shown.append(grids) or complete(self, grids, *how)
+        )
+    shares = []
+    for resolution_m in (network.resolution_m, network.resolution_m / FINER):
+        fit(HilbertMap(network, resolution_m=resolution_m, adapt_steps=int(learned)), fit_cloud(room.scans, resolution_m))
+        shares.append(occupied_share(shown))
+        shown.clear()
+    assert shares[1] == pytest.approx(shares[0], rel=0.2)
+
+
+def test_a_map_of_finer_voxels_grows_as_it_is_fitted(room):
+    network, resolution_m = tiny_reconstructor(), 0.1 / FINER
+    cloud = fit_cloud(room.scans, resolution_m)
+    mapper = HilbertMap(network, resolution_m=resolution_m)
+    for part in (slice(0, None, 2), slice(1, None, 2)):
+        scan = cloud.select(part)
+        mapper.partial_fit(scan.points, scan.occupied, scan.weight)
+    counted = Cloud(cloud.points, cloud.occupied, np.where(cloud.occupied, 1.0, 1 / FINER) * cloud.weight)
+    expected = network.complete(bin_grids(counted, mapper.frames_, network.grid), mapper.flips_)
+    assert np.abs(mapper.grids_.astype(float) - expected.value).mean() < 1e-3

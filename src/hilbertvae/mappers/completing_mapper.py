@@ -116,9 +116,22 @@ class CompletingMapper(Mapper):
         points = inside_voxels(cloud.points, resolution_m, voxel_index(cloud.points, resolution_m))
         return Cloud(points, cloud.occupied, cloud.weight)
 
+    def _as_sampled(self, cloud: Cloud) -> Cloud:
+        """The cloud with its free samples counted as the network has learned it: a beam leaves one in each voxel that it passes, so that
+        in voxels finer than the network's many of them fall into one cell of a grid, beside a single return, and outvote walls.
+
+        Clouds of the network's own voxels, and of coarser ones, stay as they are, and so do those of raw grids.
+        """
+        if self.completes_ is None:
+            return cloud
+        share = self.evidence_.resolution_m / min(self.completes_.resolution_m, self.grid_.cell_m)
+        if share > 1 - 1e-9:
+            return cloud
+        return Cloud(cloud.points, cloud.occupied, np.where(cloud.occupied, cloud.weight, share * cloud.weight))
+
     def _complete_boxes(self, cloud: Cloud, frames: Frames) -> Completion:
         """What the network makes of the cloud in the boxes of `frames`."""
-        whole, found_in = None, IndexedCloud.around(cloud, frames) if len(frames) else cloud
+        whole, found_in = None, IndexedCloud.around(self._as_sampled(cloud), frames) if len(frames) else cloud
         for part, found in self._completed_parts(lambda boxes: found_in, frames):
             if len(found.value) == len(frames):
                 return found
@@ -132,7 +145,7 @@ class CompletingMapper(Mapper):
 
     def _completed_parts(self, cloud_in: Callable[[Frames], Cloud | IndexedCloud], frames: Frames) -> Iterator[tuple[slice, Completion]]:
         """(part, what the network makes of it) for one part of the frames after the other, whole batches each; `cloud_in` gives the
-        points around some frames."""
+        points around some frames, counted as `_as_sampled` does."""
         count, dimension = frames.centre.shape
         channels = PLACES + dimension if self.detailed_ else 1
         cells, batch = self.grid_.cells**dimension, self._batch(dimension)
@@ -169,7 +182,7 @@ class CompletingMapper(Mapper):
         from hilbertvae.reconstruction.reconstructor import Reconstructor
 
         network = self.reconstructor if isinstance(self.reconstructor, Reconstructor) else self.reconstructor.found  # a loaded map's
-        shown, target = [], []
+        shown, target, cloud = [], [], self._as_sampled(cloud)
         wanted = self.adapt_steps * batch_size(network)
         for number in range(MOST_CLUSTERINGS):
             seed = int(self.seed) + 1000 * (number + 1)  # others than those of the map's own clusters

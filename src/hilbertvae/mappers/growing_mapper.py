@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 
 import numpy as np
@@ -85,9 +86,13 @@ class GrowingMapper(CompletingMapper):
             for start in range(0, len(queries), self.chunk):
                 asked[self.index_.holding(queries[start : start + self.chunk], self.rank_weights_.neighbours)] = True
             wanted = asked[:-1]
-        self._growing.settle(self._completed_parts, wanted)
+        self._growing.settle(self._completed_as_sampled, wanted)
         self.grids_, self.known_ = self._growing.completed.value, self._growing.completed.known  # a pickle's are copies
         return self
+
+    def _completed_as_sampled(self, cloud_in: Callable[[Frames], Cloud], frames: Frames) -> Iterator[tuple[slice, Completion]]:
+        """`_completed_parts` of the evidence's own clouds."""
+        return self._completed_parts(lambda boxes: self._as_sampled(cloud_in(boxes)), frames)
 
     def _start_without_clusters(self, cloud: Cloud) -> None:
         """A map of what the cloud observed, without any grid."""
