@@ -6,11 +6,15 @@ import errno
 import hashlib
 import json
 import os
+import re
 import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+TEMPORARY = re.compile(r"\..*-[0-9a-f]{8}(\.[^.]*)?")
+"""The names of `atomic`'s temporary files."""
 
 
 @contextmanager
@@ -34,6 +38,13 @@ def atomic(path: str | os.PathLike) -> Iterator[Path]:
         raise
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def clear_temporary(folder: str | os.PathLike) -> None:
+    """Remove what `atomic` left in a folder, and not in those below, of processes that were killed: for who is alone there."""
+    for path in Path(folder).glob(".*"):
+        if TEMPORARY.fullmatch(path.name):
+            path.unlink(missing_ok=True)
 
 
 def copy_file(source: str | os.PathLike, target: str | os.PathLike) -> None:

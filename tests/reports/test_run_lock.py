@@ -62,6 +62,25 @@ with alone_in({str(tmp_path)!r}, waits=False):
         pass
 
 
+def test_what_killed_runs_had_half_written_goes(tmp_path):
+    program = f"""
+import os, signal
+from hilbertvae.files import atomic
+for name in ("result.json", "checkpoints/best.ckpt", "checkpoints/last", "others/model.ckpt"):
+    block = atomic({str(tmp_path)!r} + "/" + name)
+    block.__enter__().write_text("half")
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    subprocess.run([sys.executable, "-c", program])
+    (tmp_path / "checkpoints/best.ckpt").touch()
+    (tmp_path / ".env-of-mine.txt").touch()
+    with alone_in(tmp_path, waits=False):
+        left = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    assert {".lock", ".env-of-mine.txt", "checkpoints/best.ckpt"} <= left
+    (other,) = left - {".lock", ".env-of-mine.txt", "checkpoints/best.ckpt"}
+    assert other.startswith("others/.model-")
+
+
 def test_where_files_can_t_be_locked_runs_go_on(tmp_path, monkeypatch):
     def none(*_, **__):
         raise NotImplementedError("FileSystem does not appear to support flock")

@@ -9,6 +9,8 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from hilbertvae.checks import InputError
+from hilbertvae.files import clear_temporary
+from hilbertvae.reports.run_state import CHECKPOINTS, PICTURES, UNFINISHED
 
 LOCK = ".lock"
 
@@ -16,7 +18,9 @@ LOCK = ".lock"
 @contextmanager
 def alone_in(folder: str | Path, waits: bool) -> Iterator[None]:
     """The right to work in a run's folder, which is lost with the process. While another run has it, `waits` for its end, as a job of a
-    multirun does that was launched again while workers of the first launch are still at it; else an `InputError`."""
+    multirun does that was launched again while workers of the first launch are still at it; else an `InputError`.
+
+    What runs that were killed had half written there goes."""
     lock = FileLock(Path(folder) / LOCK)
     try:
         lock.acquire(blocking=False)
@@ -27,6 +31,9 @@ def alone_in(folder: str | Path, waits: bool) -> Iterator[None]:
         lock.acquire()
     except (NotImplementedError, OSError):  # some network file systems have no locks
         pass
+    if lock.is_locked:
+        for part in (".", CHECKPOINTS, UNFINISHED, PICTURES):
+            clear_temporary(Path(folder) / part)
     try:
         yield
     finally:

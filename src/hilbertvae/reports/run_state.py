@@ -18,6 +18,9 @@ RUN = "run"
 TRAINING = "training.json"
 """What a training begun in a folder is of, by hashes."""
 
+CHECKPOINTS = "checkpoints"
+"""The folder, in a run's own, of what a training goes on from."""
+
 TENSORBOARD, PICTURES, SURFACE = "tensorboard", "pictures", "surface.ply"
 """What lies beside a `result.json`."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import shutil
 import warnings
 from pathlib import Path
@@ -24,7 +25,7 @@ from hilbertvae.reconstruction.likelihood import LIKELIHOODS
 from hilbertvae.reconstruction.networks import NETWORKS, check_kind
 from hilbertvae.reconstruction.precision import training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reports.run_state import TRAINING, clear
+from hilbertvae.reports.run_state import CHECKPOINTS, TRAINING, clear
 from hilbertvae.training.checkpoints import AtomicCheckpoints, MovableCheckpoint, PatienceOnce
 from hilbertvae.training.devices import check_accelerator, training_device
 from hilbertvae.training.foreign_code import foreign_source
@@ -75,7 +76,8 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
             "checkpoint: expected none in a training; `evaluate` scores a network that is there, `trainer.initial` goes on from it"
         )
     check_accelerator(settings)
-    if settings.trainer.strategy not in (known := ["auto", *StrategyRegistry.available_strategies()]):
+    started_anew = [name for name in StrategyRegistry.available_strategies() if not re.search("spawn|fork|notebook", name)]
+    if settings.trainer.strategy not in (known := ["auto", *started_anew]):  # others would send a run's open files to their processes
         raise InputError(f"trainer.strategy: expected one of {', '.join(known)}, got {settings.trainer.strategy!r}")
     output = Path(settings.output)
     use_threads(settings)
@@ -109,9 +111,9 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
     L.seed_everything(settings.seed, verbose=False)
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)  # its tips and device lists, twice under Hydra
     resume = _last_epoch(output, settings)
-    best = MovableCheckpoint(output / "checkpoints", "best", enable_version_counter=False, **BEST)
+    best = MovableCheckpoint(output / CHECKPOINTS, "best", enable_version_counter=False, **BEST)
     # One of its own: `save_last` writes only where an epoch was the best so far, and a resumed run would go back to that.
-    last = MovableCheckpoint(output / "checkpoints", "last", enable_version_counter=False)
+    last = MovableCheckpoint(output / CHECKPOINTS, "last", enable_version_counter=False)
     callbacks = [best, last, after_fit, LearningRateMonitor("step"), TQDMProgressBar(refresh_rate=10)]
     if settings.trainer.patience_epochs:
         callbacks.append(PatienceOnce(patience=settings.trainer.patience_epochs, check_finite=True, **BEST))
@@ -171,7 +173,7 @@ def _last_epoch(output: Path, settings: Settings) -> Path | None:
     A job whose network is kept is made anew instead, also after a change of the code: what it left is filed under the hash of both, and
     whoever changes a sweep's settings asks for other networks. A single run goes on over a change of the code, as a long one may have to.
     """
-    last = output / "checkpoints" / "last.ckpt"
+    last = output / CHECKPOINTS / "last.ckpt"
     if last.exists():
         check_folder(settings)
         if _is_of(output, settings):
@@ -184,7 +186,7 @@ def _last_epoch(output: Path, settings: Settings) -> Path | None:
 def check_folder(settings: Settings) -> None:
     """An `InputError` if the folder of the run holds the training of another one, which it would go on from or write over."""
     output = Path(settings.output)
-    if not settings.trained and (output / "checkpoints" / "last.ckpt").exists() and not _is_of(output, settings):
+    if not settings.trained and (output / CHECKPOINTS / "last.ckpt").exists() and not _is_of(output, settings):
         raise InputError(f"output: {output} holds a run with other settings; choose another `name`, or remove the folder")
 
 
@@ -200,6 +202,6 @@ def _made_of(settings: Settings) -> dict[str, str]:
 def _begin_anew(output: Path, settings: Settings) -> None:
     """What lies there of another network goes: its last epoch would be gone on from, and its curves be shown as this one's."""
     if settings.trained or (output / TRAINING).exists():
-        shutil.rmtree(output / "checkpoints", ignore_errors=True)
+        shutil.rmtree(output / CHECKPOINTS, ignore_errors=True)
         clear(output)
     write_json(output / TRAINING, _made_of(settings))
