@@ -58,6 +58,12 @@ def test_a_job_with_only_a_further_site_is_missing(tmp_path):
     assert read_sweep(tmp_path).missing == ["a-seed0"]
 
 
+def test_a_single_run_is_no_sweep(tmp_path):
+    (tmp_path / "result.json").touch()
+    with pytest.raises(InputError, match="one run and no sweep of several; its table is .*scores.md"):
+        read_page(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

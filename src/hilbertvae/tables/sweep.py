@@ -142,6 +142,8 @@ def read_kind(folder: Path, kind: str | None) -> tuple[str, str | None, list[str
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder")
     if not path.exists():
+        if kind is None and (folder / "result.json").exists():
+            raise InputError(f"{folder}: one run and no sweep of several; its table is {folder / 'scores.md'}")
         if kind is None:
             raise InputError(f"{path}: not there; say which sweep this is with --sweep")
         return kind, None, None
