@@ -1,0 +1,22 @@
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+NEEDED = [*PROJECT["dependencies"], *(one for extra in PROJECT["optional-dependencies"].values() for one in extra)]
+REQUIRED = {needed.name: needed.specifier for needed in map(Requirement, NEEDED)}
+
+
+@pytest.mark.parametrize(
+    ("name", "too_old", "enough"),
+    [
+        ("scipy", "1.14.1", "1.15.0"),  # `scipy.sparse.get_index_dtype`
+        ("embreex", "2.17.7", "2.17.7.post5"),  # its module is `pyembree` there
+        ("embreex", "2.17.7.post4", "2.17.7.post5"),  # built for numpy 1 on Python 3.11
+        ("rosbags", "0.11.6", "0.11.7"),  # unpacks by `zstd.ZstdDecompressor` of Python 3.14 and its backport
+    ],
+)
+def test_versions_that_lack_what_is_used_are_not_installed(name, too_old, enough):
+    assert too_old not in REQUIRED[name] and enough in REQUIRED[name]
