@@ -1,5 +1,6 @@
 """`hilbertvae-table`: what it writes, what it refuses, and that committed tables are what committed results give."""
 
+import io
 from pathlib import Path
 
 import matplotlib.image
@@ -26,6 +27,15 @@ def test_it_writes_the_table_in_both_forms_and_a_figure_and_prints_it(tmp_path, 
     assert picture.shape[0] > 100 and np.ptp(picture[..., :3]) > 0.5
     assert {path.name for path in (tmp_path / "sweep").iterdir()} == {"sweep.json", "cvae-hm-seed0"}
     assert main([str(tmp_path / "sweep")]) == 0 and (tmp_path / "sweep" / "table.md").exists()
+
+
+def test_a_terminal_that_lacks_the_table_s_signs(tmp_path, monkeypatch):
+    put(tmp_path, "cvae-hm-seed0", {"cvae-hm": [0.5, 0.7]})
+    said = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr("sys.stdout", said)
+    assert main([str(tmp_path), "--sweep", "table1"]) == 0
+    said.flush()
+    assert b"mean?sd" in said.buffer.getvalue().lower() and "±" in (tmp_path / "table.md").read_text(encoding="utf-8")
 
 
 def test_a_refusal_is_one_line_with_exit_code_2_and_leaves_nothing(tmp_path, capsys):

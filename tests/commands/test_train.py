@@ -1,6 +1,7 @@
 """The command on every configuration that is shipped, with `debug=fast`, and its errors."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -288,3 +289,10 @@ class TestErrors:
         assert done.returncode == 2
         assert "hilbertvae-train: site 'atlantis'" in done.stderr and "Traceback" not in done.stderr
         assert not (tmp_path / "run/result.json").exists()
+
+    def test_a_terminal_that_lacks_the_table_s_signs_gets_others(self, tmp_path):
+        command = [sys.executable, "-m", "hilbertvae.train", "debug=fast", "mapper=[nearest]", "pictures=false"]
+        ascii_alone = {**os.environ, "PYTHONIOENCODING": "ascii"}
+        done = subprocess.run([*command, f"output={tmp_path / 'run'}"], capture_output=True, text=True, check=False, env=ascii_alone)
+        assert done.returncode == 0, done.stderr
+        assert "mean?sd" in done.stdout and json.loads((tmp_path / "run/result.json").read_text())["status"] == "ok"

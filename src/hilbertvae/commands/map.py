@@ -16,6 +16,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.commands.keywords import from_home, run_command
 from hilbertvae.map_settings import MapSettings
 from hilbertvae.scans.formats import ReadingSettings
+from hilbertvae.terminal import show_any_text
 
 ABOUT = (
     "Map the scans at a path and fill in what the sensor could not see. Nothing but scans= is needed, unless a cloud alone\n"
@@ -44,8 +45,8 @@ def run(settings: MapSettings) -> None:
     except InputError as error:
         raise InputError(_alone(str(error))) from error
     summary = json.loads((output / SUMMARY).read_text(encoding="utf-8"))
-    told = sys.stdout.encoding or "utf-8"
-    print(report(summary, output).encode(told, "replace").decode(told))  # a folder may have a name of another encoding
+    show_any_text()  # a folder may have a name of another encoding
+    print(report(summary, output))
 
 
 def report(summary: dict, output: Path) -> str:

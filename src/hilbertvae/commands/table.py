@@ -9,6 +9,7 @@ from pathlib import Path
 from hilbertvae.checks import InputError
 from hilbertvae.tables.layouts import LAYOUTS
 from hilbertvae.tables.write import write_tables
+from hilbertvae.terminal import show_any_text
 
 
 def main(words: list[str] | None = None) -> int:
@@ -18,6 +19,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--output", type=Path, help="where to write; by default the folder itself")
     parser.add_argument("--sweep", choices=LAYOUTS, help="whose table it is to have: without sweep.json, or of a sweep of your own")
     given = parser.parse_args(words)
+    show_any_text()
     try:
         print(write_tables(given.folder, given.output, given.sweep), end="")
     except (InputError, OSError) as error:

@@ -40,6 +40,7 @@ from hilbertvae.reports.run_state import (
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.signals import stopped_by_signals
 from hilbertvae.site import open_site, site_name
+from hilbertvae.terminal import show_any_text
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import own_sites
 from hilbertvae.training.training_hash import training_hash
@@ -178,6 +179,7 @@ def _is_its_own(settings: Settings) -> bool:
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
 def _application(config: DictConfig) -> None:
     job = HydraConfig.get()
+    show_any_text()  # here, too: a launcher's worker has an output of its own
     many = job.mode == RunMode.MULTIRUN
     output = os.path.relpath(job.runtime.output_dir)  # in a multirun, and in the processes of a distributed training, it is the job's own
     if many:
@@ -239,6 +241,7 @@ def main() -> None:
             print(f"hilbertvae-train: {word}: needs the extra '{extra}': {how_to_install(extra)}", file=sys.stderr)
             sys.exit(2)
     sys.argv[1:] = words
+    show_any_text()
     remember_gpus()
     with stopped_by_signals():  # else a launcher's workers, or a scoring's, would go on without it
         _application()
