@@ -2,6 +2,16 @@
 
 `METHOD n` in docstrings is section n of docs/method.md; equations and figures are the paper's (Guizilini and Ramos, RSS 2017)."""
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # what is imported late (below), for editors and type checkers, which don't follow it
+    from hilbertvae.checks import InputError
+    from hilbertvae.cloud import cloud_from_scans
+    from hilbertvae.mappers.loading import load_mapper
+    from hilbertvae.mappers.saved_map import load_map, save_map
+    from hilbertvae.scoring.protocol import evaluate
+    from hilbertvae.site import open_site
+
 __version__ = "0.1.0"
 __all__ = ["InputError", "cloud_from_scans", "evaluate", "load_map", "load_mapper", "open_site", "save_map"]
 
@@ -20,10 +30,12 @@ def __dir__() -> list[str]:
     return sorted([*__all__, "__version__"])
 
 
-def __getattr__(name: str):
-    # Late, so that `import hilbertvae` costs nothing and a command's --help does not wait for torch.
-    if name not in _WHERE:
-        raise AttributeError(f"module 'hilbertvae' has no attribute {name!r}")
-    from importlib import import_module
+if not TYPE_CHECKING:  # to whom every name would be there
 
-    return getattr(import_module(_WHERE[name]), name)
+    def __getattr__(name: str):
+        # Late, so that `import hilbertvae` costs nothing and a command's --help does not wait for torch.
+        if name not in _WHERE:
+            raise AttributeError(f"module 'hilbertvae' has no attribute {name!r}")
+        from importlib import import_module
+
+        return getattr(import_module(_WHERE[name]), name)
