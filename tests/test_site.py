@@ -1,4 +1,5 @@
 import copy
+import os
 import pickle
 
 import numpy as np
@@ -10,7 +11,7 @@ from hilbertvae.cloud import fit_cloud, points_cloud, voxel_cloud
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from hilbertvae.simulate.building import BuildingSettings
 from hilbertvae.simulate.street import StreetSettings
-from hilbertvae.site import REMEMBERED, Site, SiteSource, open_site
+from hilbertvae.site import REMEMBERED, Site, SiteSource, open_site, site_name
 from hilbertvae.voxel_votes import voxel_index
 from toy_rooms import carmen_line, room_log, square_room, write_log
 
@@ -96,6 +97,12 @@ def test_scans_of_another_dimension_than_asked_for(tmp_path):
 def test_a_site_of_the_catalogue_of_another_dimension_is_refused_before_it_is_read():
     with pytest.raises(InputError, match="intel.*expected 3D scans, as `dimension` says, got 2D"):
         SiteSource(dimension=3).check("intel")
+
+
+def test_a_site_whose_file_has_a_name_in_another_encoding(tmp_path):
+    """A run's tables and pictures can't be written under it."""
+    assert site_name(str(tmp_path / os.fsdecode(b"B\xfcro.npz"))) == "B?ro.npz"
+    assert site_name(str(tmp_path / "Büro.npz")) == "Büro.npz"
 
 
 def test_a_path_that_can_t_be_read_is_refused_before_anything_long_is_begun(tmp_path):

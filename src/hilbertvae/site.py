@@ -202,7 +202,8 @@ def _kept_as_is(scans: Scans) -> Scans:
 
 def site_name(reference: str) -> str:
     """The name of a reference's site: that of the file or folder at a path, else the reference itself."""
-    return Path(reference).resolve().name if is_scan_path(reference) else reference
+    name = Path(reference).resolve().name if is_scan_path(reference) else reference
+    return name.encode("utf-8", "replace").decode()  # one of another encoding can't be written
 
 
 def open_site(reference: str | os.PathLike, resolution_m: float = 0.0, source: SiteSource | None = None) -> Site:
