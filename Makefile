@@ -11,7 +11,9 @@ READY := $(VENV)/.ready
 export PYTHONDONTWRITEBYTECODE :=
 
 # --no-compile: Python compiles what it imports when it does, which is a small part of torch.
+# The version is looked at first: pip would only say that pins conflict, and .venv would keep to the older Python when another one is given.
 $(READY): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "hilbertvae needs Python 3.11 or newer, and this is %d.%d: make PYTHON=python3.11 ..." % sys.version_info[:2])'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt torch
 	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt --editable '.[sim,points,bags,poses,dev]'
