@@ -217,8 +217,10 @@ def test_a_finished_run_is_not_trained_again(finished, tmp_path, monkeypatch):
 def test_a_folder_with_a_run_of_other_settings_is_left_alone(finished):
     settings, path = finished
     before = path.read_bytes()
-    with pytest.raises(InputError, match="output: .* holds a run with other settings"):
-        train(replace(settings, seed=9))
+    changed = replace(settings, seed=9, trainer=replace(settings.trainer, learning_rate=0.5))
+    told = rf"\(seed {settings.seed} and not 9, trainer.learning_rate {settings.trainer.learning_rate} and not 0.5\)"
+    with pytest.raises(InputError, match=f"output: .* holds a run with other settings {told}; choose another `name`"):
+        train(changed)
     assert path.read_bytes() == before
 
 

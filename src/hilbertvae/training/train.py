@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import re
@@ -38,7 +39,7 @@ from hilbertvae.training.reconstruction_module import ReconstructionModule
 from hilbertvae.training.scoring import Writer, score, use_threads
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import check_unseen
-from hilbertvae.training.training_hash import training_hash
+from hilbertvae.training.training_hash import first_differences, trained_by, training_hash
 
 BEST = {"monitor": "val/gap_nll", "mode": "min"}
 DISTRIBUTED = ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_PORT")
@@ -90,7 +91,7 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     reconstructor = kept.take(checkpoint) if kept else None
     if reconstructor:
         print(f"{output}: its network was trained before and is kept as {kept.path}")
-        if json_object(output / TRAINING) != _made_of(settings):
+        if not _is_of(output, settings):
             _begin_anew(output, settings)
         score(settings, mappers or {}, reconstructor, write)
         return checkpoint
@@ -187,7 +188,10 @@ def check_folder(settings: Settings) -> None:
     """An `InputError` if the folder of the run holds the training of another one, which it would go on from or write over."""
     output = Path(settings.output)
     if not settings.trained and (output / CHECKPOINTS / "last.ckpt").exists() and not _is_of(output, settings):
-        raise InputError(f"output: {output} holds a run with other settings; choose another `name`, or remove the folder")
+        before = json_object(output / TRAINING).get("settings")
+        other = first_differences(_as_read(settings), before) if isinstance(before, dict) else ""
+        told = f" ({other})" if other else ""
+        raise InputError(f"output: {output} holds a run with other settings{told}; choose another `name`, or remove the folder")
 
 
 def _is_of(output: Path, settings: Settings) -> bool:
@@ -204,4 +208,9 @@ def _begin_anew(output: Path, settings: Settings) -> None:
     if settings.trained or (output / TRAINING).exists():
         shutil.rmtree(output / CHECKPOINTS, ignore_errors=True)
         clear(output)
-    write_json(output / TRAINING, _made_of(settings))
+    write_json(output / TRAINING, {**_made_of(settings), "settings": _as_read(settings)})
+
+
+def _as_read(settings: Settings) -> dict:
+    """All that decides a network, as JSON has it."""
+    return json.loads(json.dumps(trained_by(settings), default=str))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
@@ -21,8 +22,29 @@ ELSEWHERE = {"data": ("folder", "download", "cache", "processes", "test"), "trai
 
 def training_hash(settings: Settings) -> str:
     """The hash of what can change a trained network: not of paths, devices, or what is scored afterwards."""
+    return hash_of(trained_by(settings))
+
+
+def trained_by(settings: Settings) -> dict:
+    """The settings that `training_hash` hashes."""
     initial = settings.trainer.initial
-    return hash_of(_made_of(settings, path_sha256(initial) if initial else None))
+    return _made_of(settings, path_sha256(initial) if initial else None)
+
+
+def first_differences(ours: dict, theirs: dict, most: int = 3) -> str:
+    """What some keys of nested dictionaries are in each of the two, in a sentence; empty where nothing differs."""
+    ours, theirs = dict(_flat(ours)), dict(_flat(theirs))
+    other = [key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key)]
+    more = f", and {len(other) - most} more" if len(other) > most else ""
+    return ", ".join(f"{key} {theirs.get(key)!r:.60} and not {ours.get(key)!r:.60}" for key in other[:most]) + more
+
+
+def _flat(node: dict, before: str = "") -> Iterator[tuple[str, object]]:
+    for key, value in node.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", value
 
 
 def recipe_hash(settings: Settings, started_from: dict | None) -> str:
