@@ -35,14 +35,6 @@ def test_a_map_without_anything_that_answers_is_refused(room):
         fit(HilbertMap(grid=tiny_grid(), fill=False, evidence=False), room.fit)
 
 
-def test_complex_values_are_refused(room):
-    mapper = fit(HilbertMap(), room.fit)
-    with pytest.raises(InputError, match="queries: "):
-        mapper.predict_proba([[1 + 2j, 0]])
-    with pytest.raises(InputError, match="points, y"):
-        HilbertMap().fit([[1 + 2j, 0], [0, 0]], [True, False])
-
-
 def test_masked_values_are_refused(room):
     """Behind their masks they would count as any other."""
     mapper, points, occupied = fit(HilbertMap(grid=tiny_grid()), room.fit), room.fit.points, room.fit.occupied

@@ -202,7 +202,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
             points, y = validate_data(self, points, y, dtype=np.float64, reset=first)
             check_classification_targets(y)
             weight = _check_sample_weight(sample_weight, points, dtype=np.float64, ensure_non_negative=True)
-        except (TypeError, ValueError) as error:
+        except ValueError as error:
             raise InputError(f"points, y, sample_weight: {_plain(error)}") from error
         counts = weight > 0
         if not counts.any():
@@ -219,7 +219,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
         refuse_masked(queries, "queries")
         try:
             queries = validate_data(self, queries, reset=False, dtype=np.float64, ensure_min_samples=0)
-        except (TypeError, ValueError) as error:
+        except ValueError as error:
             raise InputError(f"queries: {_plain(error)}") from error
         return np.clip(queries, -FARTHEST_M, FARTHEST_M)
 

@@ -14,6 +14,9 @@ from hilbertvae.scoring.result import Result, asked
 
 SCORED = ".scores"
 """What the name of a scoring's file ends with; Lightning's, of a training in the same folder, end otherwise."""
+FLUSH_S = 10
+"""Seconds after which events are in their file. A stop that comes while one is handed to the thread that writes may keep that thread
+asleep for as long, and the run alive (a lost wake-up of Python's queues); TensorBoard's own 120 are longer than `kill` is waited for."""
 
 
 def scores_writer(folder: str | Path, anew: bool) -> SummaryWriter:
@@ -22,7 +25,7 @@ def scores_writer(folder: str | Path, anew: bool) -> SummaryWriter:
     if anew:
         for file in Path(folder).glob(f"events*{SCORED}"):
             file.unlink()
-    return SummaryWriter(str(folder), filename_suffix=SCORED)
+    return SummaryWriter(str(folder), filename_suffix=SCORED, flush_secs=FLUSH_S)
 
 
 def score_scalars(result: Result) -> dict[str, float]:

@@ -27,6 +27,7 @@ from hilbertvae.reconstruction.networks import NETWORKS, check_kind
 from hilbertvae.reconstruction.precision import training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.run_state import CHECKPOINTS, TRAINING, clear
+from hilbertvae.reports.tensorboard import FLUSH_S
 from hilbertvae.training.checkpoints import AtomicCheckpoints, MovableCheckpoint, PatienceOnce
 from hilbertvae.training.devices import check_accelerator, training_device
 from hilbertvae.training.foreign_code import foreign_source
@@ -131,7 +132,9 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
             max_epochs=settings.trainer.epochs,
             gradient_clip_val=settings.trainer.gradient_clip,
             plugins=[AtomicCheckpoints(), LightningEnvironment()],  # a SLURM job is one task, which starts its other processes itself
-            logger=TensorBoardLogger(output, name="", version="tensorboard", default_hp_metric=False, purge_step=_steps_done(resume)),
+            logger=TensorBoardLogger(
+                output, name="", version="tensorboard", default_hp_metric=False, purge_step=_steps_done(resume), flush_secs=FLUSH_S
+            ),
             callbacks=callbacks,
             log_every_n_steps=min(10, settings.trainer.steps_per_epoch),
             num_sanity_val_steps=0,
