@@ -69,12 +69,11 @@ def placed_as(cloud: Cloud, other: Cloud, resolution_m: float) -> Cloud:
     index -= index.min(axis=0)
     _, voxel = np.unique(np.ravel_multi_index(tuple(index.T), tuple(index.max(axis=0) + 1)), return_inverse=True)
     theirs, mine = voxel[: len(other)], voxel[len(other) :]
-    points = cloud.points.copy()
-    for labels_alike in (False, True):
-        found = np.full((2, len(voxel)), -1)
-        found[other.occupied.astype(int), theirs] = np.arange(len(other))
-        there = found[(cloud.occupied == labels_alike).astype(int), mine]
-        points[there >= 0] = other.points[there[there >= 0]]
+    place = np.full((2, len(voxel)), -1)  # by label and voxel
+    place[other.occupied.astype(int), theirs] = np.arange(len(other))
+    own, opposite = place[cloud.occupied.astype(int), mine], place[1 - cloud.occupied.astype(int), mine]
+    there = np.where(own >= 0, own, opposite)
+    points = np.where((there >= 0)[:, None], other.points[there], cloud.points)
     return Cloud(points, cloud.occupied, cloud.weight)
 
 
