@@ -22,6 +22,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
 from hilbertvae.mappers.nearest import NearestMapper  # noqa: E402
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
+from hilbertvae.scoring.calibration import learn_rank_weights  # noqa: E402
 from hilbertvae.training.checkpoints import best_reconstructor  # noqa: E402
 from hilbertvae.training.grids_datamodule import GridsDataModule  # noqa: E402
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback  # noqa: E402
@@ -145,6 +146,29 @@ def test_what_was_interrupted_is_said(finished, tmp_path, monkeypatch, scored, s
     monkeypatch.setattr("hilbertvae.training.hilbert_map_callback." + ("score" if scored else "learn_rank_weights"), stopped)
     with pytest.raises(KeyboardInterrupt, match=said):
         train(replace(finished[0], output=str(tmp_path / "interrupted")))
+
+
+@pytest.mark.parametrize("change", ["", "code", "settings"])
+def test_a_run_that_was_stopped_while_it_scored_has_its_weights(finished, tmp_path, monkeypatch, change):
+    settings = replace(finished[0], output=str(tmp_path / "interrupted"))
+    of_map, learned = "hilbertvae.training.hilbert_map_callback.", []
+    monkeypatch.setattr("signal.signal", lambda *arguments: None)  # Lightning switches Ctrl-C off for the rest of the process
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(of_map + "score", lambda *rest: (_ for _ in ()).throw(KeyboardInterrupt))
+        train(settings)
+    seconds = json.loads((tmp_path / "interrupted" / "checkpoints" / "map_weights.json").read_text())["seconds"]
+    monkeypatch.setattr(of_map + "learn_rank_weights", lambda *rest, **named: learned.append(1) or learn_rank_weights(*rest, **named))
+    scored = []
+    monkeypatch.setattr(of_map + "score", lambda settings, mappers, reconstructor, write: scored.append(reconstructor))
+    if change == "code":
+        monkeypatch.setattr("hilbertvae.training.kept_weights.CODE", "mended since")
+    if change == "settings":
+        settings = replace(settings, flips=1, trained=str(tmp_path / "kept"))
+    path = train(settings)
+    assert len(learned) == bool(change)
+    if not change:
+        assert_same(path, finished[1])
+        assert seconds <= scored[0].seconds["weights"] <= seconds + 1
 
 
 def test_what_is_taken_again_is_logged_once(finished, tmp_path, monkeypatch):

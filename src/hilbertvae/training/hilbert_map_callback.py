@@ -16,6 +16,7 @@ from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.training.checkpoints import best_reconstructor
 from hilbertvae.training.devices import filling_device
 from hilbertvae.training.kept_network import KeptNetwork
+from hilbertvae.training.kept_weights import KeptWeights
 from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.scoring import Writer, score
 from hilbertvae.training.settings import Settings
@@ -48,9 +49,13 @@ class HilbertMapCallback(L.Callback):
         reconstructor = best_reconstructor(settings, module.network, trainer.checkpoint_callback.best_model_path)
         if torch.cuda.is_available():
             torch.cuda.empty_cache()  # else what the training held is kept from the processes that fill maps
-        sites = [opened_site(reference, settings) for reference in settings.calibration_sites()]
         mapper = HilbertMap(reconstructor, flips=settings.flips, device=filling_device(settings))
-        learned = learn_rank_weights(mapper, sites, **settings.calibration())
+        kept = KeptWeights(settings, mapper)
+        learned, self.before["weights"] = kept.take() or (None, 0.0)
+        if not learned:
+            sites = [opened_site(reference, settings) for reference in settings.calibration_sites()]
+            learned = learn_rank_weights(mapper, sites, **settings.calibration())
+            kept.keep(learned, self._until_now("weights"))
         self._lap("weights")
         reconstructor.map_weights, reconstructor.seconds = learned, self.seconds
         reconstructor.save(self.checkpoint)

@@ -53,10 +53,10 @@ class KeptScores:
 
     def path(self, mappers: dict[str, Mapper], seed: int) -> Path | None:
         """Where the scores of these mappers with a gap seed are kept; None where the code of one can't be read, which may change."""
-        if any(foreign_source(kind) is None for mapper in mappers.values() for kind in _code_of(mapper)):
+        if not all(map(is_known, mappers.values())):
             return None
-        described = {name: _described(mapper) for name, mapper in mappers.items()}
-        return self.folder / f"{hash_of({**self.made_of, 'mappers': described, 'seed': seed})}.json"
+        made_of = {**self.made_of, "mappers": {name: described(mapper) for name, mapper in mappers.items()}, "seed": seed}
+        return self.folder / f"{hash_of(made_of)}.json"
 
     def take(self, mappers: dict[str, Mapper], seed: int) -> Result | None:
         """What was kept of these mappers, or None where nothing was, or only a damaged file."""
@@ -92,7 +92,12 @@ CODE = _code_hash()
 """As it was when it was loaded: it may be edited while a network trains."""
 
 
-def _described(mapper: Mapper) -> list:
+def is_known(mapper: Mapper) -> bool:
+    """Whether all code that answers for a mapper can be read: else it may be another one the next time."""
+    return None not in [foreign_source(kind) for kind in _code_of(mapper)]
+
+
+def described(mapper: Mapper) -> list:
     """A mapper's class, what source of it and of its network is not ours, and its settings: networks and files by contents, a GPU by its
     model."""
     kind = type(mapper)
