@@ -12,6 +12,7 @@ REQUIRED = {needed.name: needed.specifier for needed in map(Requirement, NEEDED)
 @pytest.mark.parametrize(
     ("name", "too_old", "enough"),
     [
+        ("numpy", "2.0.0", "2.0.1"),  # `np.unique` of rows gives its inverse two axes
         ("scipy", "1.14.1", "1.15.0"),  # `scipy.sparse.get_index_dtype`
         ("embreex", "2.17.7", "2.17.7.post5"),  # its module is `pyembree` there
         ("embreex", "2.17.7.post4", "2.17.7.post5"),  # built for numpy 1 on Python 3.11
