@@ -67,14 +67,26 @@ def test_a_seed_whose_region_is_all_free_or_all_occupied_ranks_nothing():
     assert asked(found, "best_f1") == [1.0, 1.0] and asked(found, "recall") == [1.0, *found["recall"][2:]]
 
 
+def test_shares_of_free_space_and_iou_leave_out_the_seeds_that_say_nothing_of_them():
+    free, full = np.zeros(20, bool), np.ones(20, bool)
+    found = metrics_of((OCCUPIED, SURE), (free, SILENT), (full, WRONG), (OCCUPIED, np.full(20, 0.9)))
+    assert asked(found, "iou") == [1.0, 0.75, 0.25]  # nothing is occupied in the second
+    assert asked(found, "free_recall") == [1.0, 1.0, 0.0]  # nothing is free in the third
+    assert asked(found, "free_precision") == [1.0, 1.0, 0.0]  # nothing was called free in the fourth
+    assert asked(metrics_of((OCCUPIED, np.full(20, 0.9)), (OCCUPIED, np.full(20, 0.5))), "free_precision") == [0.0, 0.0]
+
+
 @given(st.lists(st.tuples(st.booleans(), st.sampled_from([0.1, 0.5, 0.9])), min_size=1, max_size=40))
 def test_whether_anything_was_called_follows_from_the_shares(cells):
     """Found from what is kept of a seed; here by counting. Where all that was called, or freed, was wrong, shares can't tell."""
     occupied, probability = map(np.array, zip(*cells, strict=True))
     called, right_free = probability > 0.6, (probability <= 0.4) & ~occupied
-    kept = asked(metrics_of((occupied, probability), (OCCUPIED, SURE)), "precision")
-    if called.any() or right_free.any() or not (probability <= 0.4).any():
-        assert len(kept) == 1 + called.any()
+    freed, right = probability <= 0.4, called & occupied
+    kept = metrics_of((occupied, probability), (OCCUPIED, SURE))
+    if called.any() or right_free.any() or not freed.any():
+        assert len(asked(kept, "precision")) == 1 + called.any()
+    if freed.any() or right.any() or not called.any():
+        assert len(asked(kept, "free_precision")) == 1 + freed.any()
 
 
 def gaps_of(*places):

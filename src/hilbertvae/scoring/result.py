@@ -92,38 +92,47 @@ class Result:
         }
 
 
-OF_OCCUPIED = ("recall", "f1", "best_f1", "auc")
+OF_OCCUPIED = ("recall", "f1", "best_f1", "iou", "auc")
 """Metrics that say nothing where nothing is occupied."""
+OF_FREE = ("free_recall", "auc")
+"""Those that say nothing where nothing is free."""
+PRECISIONS = {"precision": "recall", "free_precision": "free_recall"}
+"""By each precision the recall of the same kind."""
 
 
 def asked(metrics: dict[str, list[float]], metric: str) -> list[float]:
     """A metric of a region, one number per gap seed in which it says anything.
 
-    Of a seed in which the region is empty, in which all of it is of one kind, or in which nothing was called occupied of which there could
-    be a precision, `score` says 0 or 0.5, which would make a mean of several seeds better, or worse, than it is. The precision of a map
-    that calls nothing occupied in any seed stays 0.
+    Of a seed in which the region is empty, in which all of it is of one kind, or in which nothing was called occupied (or free) of which
+    there could be a precision, `score` says 0 or 0.5, which would make a mean of several seeds better, or worse, than it is. The precision
+    of a map that calls nothing so in any seed stays 0.
     """
     values = metrics.get(metric, [])
     if not values:
         return values
     told = [count > 0 for count in metrics.get("count", [])] or [True] * len(values)
-    if metric in OF_OCCUPIED and "base_rate" in metrics:
-        told = [some and base > 0 and (base < 1 or metric != "auc") for some, base in zip(told, metrics["base_rate"], strict=True)]
-    if metric == "precision" and any(found := [some and bool(called) for some, called in zip(told, _called(metrics), strict=True)]):
-        told = found
+    if "base_rate" in metrics:
+        least, most = metric in OF_OCCUPIED, metric in OF_FREE
+        told = [some and (base > 0 or not least) and (base < 1 or not most) for some, base in zip(told, metrics["base_rate"], strict=True)]
+    if metric in PRECISIONS:
+        found = [some and bool(called) for some, called in zip(told, _called(metrics, metric), strict=True)]
+        told = found if any(found) else told
     return [value for value, tells in zip(values, told, strict=True) if tells]
 
 
-def _called(metrics: dict[str, list[float]]) -> list[int]:
-    """How many were called occupied with each gap seed, from the shares of which `score` tells; 1 where these leave it open."""
-    keys = ("precision", "known", "count", "base_rate", "free_recall", "free_precision")
+def _called(metrics: dict[str, list[float]], metric: str) -> list[int]:
+    """How many were called with each gap seed what `metric`, one of `PRECISIONS`, is of, from the shares of which `score` tells; 1 where
+    these leave it open."""
+    other = next(name for name in PRECISIONS if name != metric)
+    keys = (metric, other, PRECISIONS[other], "known", "count", "base_rate")
     if any(key not in metrics for key in keys):
-        return [1] * len(metrics["precision"])
+        return [1] * len(metrics[metric])
     found = []
-    for precision, known, count, base, free_recall, free_precision in zip(*(metrics[key] for key in keys), strict=True):
-        freed = free_recall * (1 - base) * count / free_precision if free_precision else 0.0
-        open_ = precision > 0 or not free_precision and known > 0  # all that was called, or freed, was wrong
-        found.append(1 if open_ else round(known * count - freed))
+    for precision, others, recall, known, count, base in zip(*(metrics[key] for key in keys), strict=True):
+        share = base if other == "precision" else 1 - base
+        rest = recall * share * count / others if others else 0.0
+        open_ = precision > 0 or not others and known > 0  # all that was called occupied, or free, was wrong
+        found.append(1 if open_ else round(known * count - rest))
     return found
 
 
