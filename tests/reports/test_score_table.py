@@ -8,6 +8,7 @@ from rich.console import Console
 
 from hilbertvae.reports.paper_table import PAPER, paper_table
 from hilbertvae.reports.score_table import markdown_scores, percent, print_scores, rows_of
+from hilbertvae.scoring.metrics import score
 
 
 def printed(found, width):
@@ -88,6 +89,17 @@ def test_the_paper_s_rows_stand_beside_ours():
     assert re.search(r"\| GPOM \| - \|", text)
     assert len([line for line in text.splitlines() if line.startswith("| CVAE-HM")]) == 2
     assert "16.85 / 21.94" in paper_table(result(dimension=3))
+
+
+def test_gaps_that_hide_nothing_occupied_have_no_difference_from_the_paper():
+    """Of a small site with one gap seed a single ball may be cut, in which no wall is."""
+    found = result(mappers=("gpom", "lard-hm"), seeds=(0,))
+    for name, count in (("gpom", 40), ("lard-hm", 0)):
+        free = score(np.zeros(count, bool), np.full(count, 0.2))
+        found.scores[name]["points"]["gaps"] = {metric: [value] for metric, value in free.items()}
+    rows = [[cell.strip() for cell in line.split("|")] for line in paper_table(found).splitlines() if line.startswith("|")]
+    difference = {row[2]: row[8] for row in rows}
+    assert difference["gpom"] == "-34.6 / -" and difference["lard-hm"] == "- / -"
 
 
 def test_where_our_curve_passes_the_paper_s_point():

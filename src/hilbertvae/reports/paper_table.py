@@ -93,5 +93,5 @@ def _at_the_paper_s(curves: list[list[float]] | None, printed: tuple[float, floa
 def _difference(metrics: dict[str, list[float]], printed: tuple[float, float]) -> str:
     if not metrics:
         return NOTHING
-    pairs = zip(("precision", "recall"), printed, strict=True)
-    return " / ".join(f"{100 * mean_and_spread(asked(metrics, metric))[0] - value:+.1f}" for metric, value in pairs)
+    found = [(asked(metrics, metric), value) for metric, value in zip(("precision", "recall"), printed, strict=True)]
+    return " / ".join(f"{100 * mean_and_spread(ours)[0] - value:+.1f}" if ours else NOTHING for ours, value in found)
