@@ -21,6 +21,18 @@ def test_curves_are_the_result_s_means():
     figure.draw_without_rendering()
 
 
+def test_gap_seeds_without_anything_occupied_have_no_curve():
+    found, plain = result(mappers=("nearest",)), result(mappers=("nearest",))
+    found.curves["nearest"]["points"].append([0.0] * 101)
+    found.curves["nearest"]["voxels"] = [[0.0] * 101]
+    points, voxels = precision_recall_picture(found).axes
+    curves = [line for line in points.lines if len(line.get_xdata()) == 101]
+    np.testing.assert_allclose(curves[0].get_ydata(), np.mean(plain.curves["nearest"]["points"], axis=0))
+    assert not [line for line in voxels.lines if len(line.get_xdata()) == 101]
+    del found.curves["nearest"]["points"]
+    precision_recall_picture(found).draw_without_rendering()
+
+
 def test_no_curves_is_an_error():
     found = result()
     found.curves = {}

@@ -63,7 +63,7 @@ def paper_table(result: Result) -> str:
             regions = result.regions(name, "points")
             both = [_pair(regions.get(region, {})) for region in ("fitted", "observed", "gaps")]
             difference = _difference(regions.get("gaps", {}), row.gaps)
-            moved = _at_the_paper_s(result.curves.get(name, {}).get("points"), row.gaps)
+            moved = _at_the_paper_s(result.told_curves(name, "points"), row.gaps)
             rows.append([row.name, name, _printed(row.observed), both[0], both[1], _printed(row.gaps), both[2], difference, moved])
     note = f"{NOTE} {MOVED_NOTE} {OCTOMAP_NOTE}" if result.dimension == 3 else f"{NOTE} {MOVED_NOTE}"
     return f"### {heading(result)}, beside the paper\n\n{markdown(['paper', 'ours', *columns], rows)}\n\n{note}\n"
@@ -77,7 +77,7 @@ def _pair(metrics: dict[str, list[float]]) -> str:
     return " / ".join(percent(asked(metrics, metric)) for metric in ("precision", "recall")) if metrics else NOTHING
 
 
-def _at_the_paper_s(curves: list[list[float]] | None, printed: tuple[float, float]) -> str:
+def _at_the_paper_s(curves: list[list[float]], printed: tuple[float, float]) -> str:
     """Precision at the printed recall and recall at the printed precision, of each gap seed's curve (precision at recalls 0, 0.01 ...)."""
     if not curves:
         return NOTHING

@@ -37,7 +37,7 @@ def line_styles(names) -> dict[str, dict]:
 def precision_recall_picture(result: Result) -> Figure:
     """Precision over recall inside gaps, a panel per reading: mean over gap seeds, bands from the lowest seed to the highest.
 
-    A marker is where the protocol's cut (p > 0.6) puts the mapper; grey lines join points of equal F1. Curves are `Result.curves`.
+    A marker is where the protocol's cut (p > 0.6) puts the mapper; grey lines join points of equal F1. Curves are `Result.told_curves`.
     """
     readings = [reading for reading in ("points", "voxels") if any(reading in curves for curves in result.curves.values())]
     if not readings:
@@ -51,7 +51,7 @@ def precision_recall_picture(result: Result) -> Figure:
     for axes, reading in zip(panels, readings, strict=True):
         _f1_lines(axes)
         for name, style in styles.items():
-            seeds = np.array(result.curves[name].get(reading, []), dtype=float)
+            seeds = np.array(result.told_curves(name, reading), dtype=float)
             if not len(seeds):
                 continue
             recall = np.linspace(0, 1, seeds.shape[1])

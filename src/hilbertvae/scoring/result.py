@@ -42,6 +42,10 @@ class Result:
         """One number per gap seed that has something in the region; none where it was not scored."""
         return asked(self.regions(mapper, reading).get(region, {}), metric)
 
+    def told_curves(self, mapper: str, reading: str) -> list[list[float]]:
+        """Of `curves` those of gap seeds in which something is occupied; of others there is no precision at any recall, and they are 0."""
+        return [curve for curve in self.curves.get(mapper, {}).get(reading, []) if any(curve)]
+
     def add(self, other: Result) -> Result:
         """This result with the mappers of another evaluation of the same site under the same protocol; a `ValueError` for what can't stand
         side by side, and for two mappers of one name."""
