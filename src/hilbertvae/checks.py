@@ -40,7 +40,7 @@ def refuse_masked(points, name: str) -> None:
 
 def check_positive(value: float, name: str) -> float:
     """`value` as a positive finite float; an `InputError` otherwise."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value) or value <= 0:
+    if not _is_number(value) or value <= 0:
         raise InputError(f"{name}: expected a positive number, got {value!r}")
     return float(value)
 
@@ -54,14 +54,14 @@ def check_cell_m(value: float, name: str) -> float:
 
 def check_not_negative(value: float, name: str) -> float:
     """`value` as a finite float from 0 on; an `InputError` otherwise."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not np.isfinite(value) or value < 0:
+    if not _is_number(value) or value < 0:
         raise InputError(f"{name}: expected a number from 0 on, got {value!r}")
     return float(value)
 
 
 def check_share(value: float, name: str) -> float:
     """`value` as a float from 0 to 1; an `InputError` otherwise."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not 0 <= value <= 1:
+    if not _is_number(value) or not 0 <= value <= 1:
         raise InputError(f"{name}: expected a share in [0, 1], got {value!r}")
     return float(value)
 
@@ -83,25 +83,29 @@ def check_seeds(seeds: list[int], name: str) -> None:
     """An `InputError` unless `seeds` are one or more different whole numbers from 0 on."""
     if not isinstance(seeds, (list, tuple)):
         raise InputError(f"{name}: expected a list of seeds, got {seeds!r:.60}")
-    whole = all(isinstance(seed, (int, np.integer)) and not isinstance(seed, bool) for seed in seeds)
-    if not whole or not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0:
+    if not all(map(_is_whole, seeds)) or not seeds or len(set(seeds)) != len(seeds) or min(seeds) < 0:
         raise InputError(f"{name}: expected one or more different seeds from 0 on, got {seeds}")
 
 
 def check_whole(value: int, name: str) -> int:
     """`value` as a whole number from 0 on; an `InputError` otherwise."""
-    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 0:
-        raise InputError(f"{name}: expected a whole number of at least 0, got {value!r}")
-    return int(value)
+    return check_count(value, name, least=0)
 
 
 def check_count(value: int, name: str, most: int | None = None, least: int = 1) -> int:
     """`value` as a whole number from `least` on, at most `most` where that is given; an `InputError` otherwise."""
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not whole or value < least or (most is not None and value > most):
+    if not _is_whole(value) or value < least or (most is not None and value > most):
         wanted = f"of at least {least}" if most is None else f"from {least} to {most}"
         raise InputError(f"{name}: expected a whole number {wanted}, got {value!r}")
     return int(value)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and -np.inf < value < np.inf
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 def how_to_install(extra: str) -> str:
