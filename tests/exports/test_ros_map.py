@@ -29,17 +29,12 @@ def loaded(path):
     found = {}
     for place, pixel in enumerate(pixels):
         occupancy = (255 - pixel) / 255
-        if content["mode"] == "raw":
-            value = pixel if pixel <= 100 else -1
-        elif occupancy > content["occupied_thresh"]:
-            value = 100
-        else:
-            value = 0 if occupancy < content["free_thresh"] else -1
+        value = 100 if occupancy > content["occupied_thresh"] else 0 if occupancy < content["free_thresh"] else -1
         column, row = place % width, height - 1 - place // width
         corner = [content["origin"][axis] / content["resolution"] + (column, row)[axis] for axis in (0, 1)]
         assert corner == pytest.approx(np.round(corner), abs=1e-4)
         found[tuple(round(c) for c in corner)] = value
-    assert content["negate"] == 0 and content["origin"][2] == 0
+    assert content["negate"] == 0 and content["origin"][2] == 0 and content["mode"] == "trinary"
     return found, content
 
 
@@ -47,22 +42,20 @@ def loaded(path):
 @given(cells=cells_2d)
 def test_map_server_reads_each_cell_in_its_place(cells, tmp_path_factory):
     folder = tmp_path_factory.mktemp("map")
-    for mode in ("trinary", "raw"):
-        written = write_ros_map(cells, folder / "map.yaml", mode)
-        assert sorted(path.name for path in folder.iterdir()) == sorted(path.name for path in written)
-        for name, part in (("map", np.ones(len(cells), bool)), ("map_observed", cells.observed)):
-            found, content = loaded(folder / f"{name}.yaml")
-            assert content["resolution"] == cells.resolution_m
-            assert content["hilbertvae_cells"] == ("observed" if name == "map_observed" or cells.observed.all() else "all")
-            expected = {}
-            for index, p in zip(cells.index[part].tolist(), cells.probability[part].astype(float), strict=True):
-                label = 100 if p > 0.6 + 1e-6 else 0 if p < 0.4 + 1e-5 else -1
-                expected[tuple(index)] = label if mode == "trinary" else round(100 * p)
-            assert {corner: value for corner, value in found.items() if value != -1} == {
-                corner: value for corner, value in expected.items() if value != -1
-            }
-            low, high = cells.index.min(axis=0), cells.index.max(axis=0)
-            assert len(found) == np.prod(high - low + 1)
+    written = write_ros_map(cells, folder / "map.yaml")
+    assert sorted(path.name for path in folder.iterdir()) == sorted(path.name for path in written)
+    for name, part in (("map", np.ones(len(cells), bool)), ("map_observed", cells.observed)):
+        found, content = loaded(folder / f"{name}.yaml")
+        assert content["resolution"] == cells.resolution_m
+        assert content["hilbertvae_cells"] == ("observed" if name == "map_observed" or cells.observed.all() else "all")
+        expected = {}
+        for index, p in zip(cells.index[part].tolist(), cells.probability[part].astype(float), strict=True):
+            expected[tuple(index)] = 100 if p > 0.6 + 1e-6 else 0 if p < 0.4 + 1e-5 else -1
+        assert {corner: value for corner, value in found.items() if value != -1} == {
+            corner: value for corner, value in expected.items() if value != -1
+        }
+        low, high = cells.index.min(axis=0), cells.index.max(axis=0)
+        assert len(found) == np.prod(high - low + 1)
 
 
 @settings(max_examples=25)
@@ -123,14 +116,9 @@ def test_names_with_dots_and_spaces(tmp_path):
 def test_what_does_not_fit_is_refused_and_leaves_nothing(tmp_path):
     far = MapCells(np.array([[0, 0], [10**6, 10**6]]), 0.1, np.ones(2), np.ones(2), np.ones(2, bool))
     empty = random_cells(2).select(np.zeros(0, int))
-    for cells, mode, named in (
-        (random_cells(3), "trinary", "2D"),
-        (random_cells(2), "scale", "mode"),
-        (far, "trinary", "outlier"),
-        (empty, "raw", "at least one"),
-    ):
+    for cells, named in ((random_cells(3), "2D"), (far, "outlier"), (empty, "at least one")):
         with pytest.raises(InputError, match=named):
-            write_ros_map(cells, tmp_path / "map.yaml", mode)
+            write_ros_map(cells, tmp_path / "map.yaml")
     assert list(tmp_path.iterdir()) == []
 
 

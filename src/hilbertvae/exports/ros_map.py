@@ -17,7 +17,6 @@ from hilbertvae.observed_map import FREE_PIXEL, OCCUPIED_PIXEL, UNKNOWN_PIXEL
 OCCUPIED_THRESH = 0.65
 FREE_THRESH = 0.196
 """ROS 1's default. Nav2's, 0.25, would make free cells of all unknown ones: their pixel, 205, is an occupancy of 50 / 255 = 0.1961."""
-RAW_UNKNOWN = 255
 _HEADS = {
     "all": "# observed and predicted cells; {other} has the observed ones alone, on the same grid",
     "observed": "# observed cells alone; {other} has the predicted ones, too, on the same grid",
@@ -25,12 +24,11 @@ _HEADS = {
 }
 
 
-def write_ros_map(cells: MapCells, path: str | os.PathLike, mode: str = "trinary") -> list[Path]:
+def write_ros_map(cells: MapCells, path: str | os.PathLike) -> list[Path]:
     """Write `<name>.yaml` and `<name>.pgm`, and `<name>_observed` of both with the observed cells alone; returns the four paths.
 
-    path: `<name>.yaml`, `.pgm`, or the name alone. All pixels stand on one grid, so the pairs lie on each other. The key
-    `hilbertvae_cells`, which map_server passes over, says what is in a pair, `all` or `observed`.
-    mode: `trinary`, with occupied p > 0.6 and free p <= 0.4, or `raw`, with p in percent. A PGM in mode `scale` has no word for unknown.
+    path: `<name>.yaml`, `.pgm`, or the name alone. Cells are occupied (p > 0.6), free (p <= 0.4) or unknown. All pixels stand on one grid,
+    so the pairs lie on each other. The key `hilbertvae_cells`, which map_server passes over, says what is in a pair, `all` or `observed`.
     Raises `InputError` for a 3D map, which OctoMap's formats are for, an empty one, or an extent of more than 2^27 pixels.
     """
     path = Path(path)
@@ -38,10 +36,8 @@ def write_ros_map(cells: MapCells, path: str | os.PathLike, mode: str = "trinary
         path = path.with_suffix("")
     if cells.dimension != 2:
         raise InputError(f"{path}: a ROS map is 2D, got a 3D map; write it as .ot or .bt, which octomap_server projects")
-    if mode not in ("trinary", "raw"):
-        raise InputError(f"mode: expected trinary or raw, got {mode!r}; a PGM in mode scale can't tell unknown cells")
-    values, unknown = (_labels(cells), UNKNOWN_PIXEL) if mode == "trinary" else (_percents(cells), RAW_UNKNOWN)
-    whole = cells.dense(values, np.uint8(unknown))
+    labels = np.where(cells.occupied, OCCUPIED_PIXEL, np.where(cells.free, FREE_PIXEL, UNKNOWN_PIXEL)).astype(np.uint8)
+    whole = cells.dense(labels, UNKNOWN_PIXEL)
     written = []
     # Images are moved to their places before the YAML files that name them.
     with ExitStack() as files:
@@ -50,19 +46,11 @@ def write_ros_map(cells: MapCells, path: str | os.PathLike, mode: str = "trinary
         images = {kind: files.enter_context(atomic(path.with_name(f"{name}.pgm"))) for kind, name in names.items()}
         for kind, name in names.items():
             other = names["observed" if kind == "all" else "all"] + ".yaml"
-            pixels = whole if kind == "all" else np.where(cells.dense(cells.observed, False), whole, np.uint8(unknown))
+            pixels = whole if kind == "all" else np.where(cells.dense(cells.observed, False), whole, np.uint8(UNKNOWN_PIXEL))
             _write_pgm(images[kind], pixels)
-            texts[kind].write_text(_yaml(cells, f"{name}.pgm", mode, kind, other), encoding="utf-8")
+            texts[kind].write_text(_yaml(cells, f"{name}.pgm", kind, other), encoding="utf-8")
             written += [path.with_name(f"{name}.yaml"), path.with_name(f"{name}.pgm")]
     return written
-
-
-def _labels(cells: MapCells) -> np.ndarray:
-    return np.where(cells.occupied, OCCUPIED_PIXEL, np.where(cells.free, FREE_PIXEL, UNKNOWN_PIXEL)).astype(np.uint8)
-
-
-def _percents(cells: MapCells) -> np.ndarray:
-    return np.rint(100 * cells.probability).astype(np.uint8)
 
 
 def _write_pgm(path: Path, pixels: np.ndarray) -> None:
@@ -73,11 +61,11 @@ def _write_pgm(path: Path, pixels: np.ndarray) -> None:
         file.write(np.ascontiguousarray(pixels.T[::-1]).data)
 
 
-def _yaml(cells: MapCells, image: str, mode: str, kind: str, other: str) -> str:
+def _yaml(cells: MapCells, image: str, kind: str, other: str) -> str:
     corner = [round(float(first * cells.resolution_m), 9) for first in cells.box()[0]]  # of the lower left pixel
     content = {
         "image": image,
-        "mode": mode,
+        "mode": "trinary",
         "resolution": cells.resolution_m,
         "origin": [*corner, 0.0],
         "negate": 0,
