@@ -12,7 +12,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.drawing.canvas import new_figure, probability_bar, save_picture, scale_bar, show_probability
 from hilbertvae.drawing.lit_colours import GAP_TINT, HEIGHT, HEIGHTS_M
 from hilbertvae.drawing.oblique import render_voxels, whole_view
-from hilbertvae.exports.cell_colours import heights_above_ground
+from hilbertvae.exports.cell_heights import heights_above_ground
 from hilbertvae.exports.map_cells import MapCells
 
 MOST_PX = 2400

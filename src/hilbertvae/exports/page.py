@@ -20,7 +20,7 @@ from PIL import Image
 from hilbertvae.checks import InputError
 from hilbertvae.drawing.colours import GAP_COLOUR, PROBABILITY, UNCERTAINTY, WIDEST_STD
 from hilbertvae.drawing.lit_colours import HEIGHT, HEIGHTS_M, LIT
-from hilbertvae.exports.cell_colours import heights_above_ground
+from hilbertvae.exports.cell_heights import heights_above_ground
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.files import atomic
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE

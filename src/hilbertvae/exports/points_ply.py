@@ -1,4 +1,4 @@
-"""A map's cells as coloured points in a PLY file, for viewers such as CloudCompare and MeshLab."""
+"""A map's occupied cells as coloured points in a PLY file, for viewers such as CloudCompare and MeshLab."""
 
 from __future__ import annotations
 
@@ -7,20 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
+from hilbertvae.drawing.colours import PROBABILITY
+from hilbertvae.drawing.lit_colours import LIT
 from hilbertvae.drawing.ply import write_ply_table
-from hilbertvae.exports.cell_colours import cell_colours
 from hilbertvae.exports.map_cells import MapCells
-from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
 
 
-def write_points_ply(cells: MapCells, path: str | os.PathLike, colour: str = "probability", above: float = OCCUPIED_ABOVE) -> Path:
-    """Write the centres of cells with p > `above` as points: binary, coordinates as doubles in metres, z = 0 in 2D.
+def write_points_ply(cells: MapCells, path: str | os.PathLike) -> Path:
+    """Write the centres of occupied cells as points: binary, coordinates as doubles in metres, z = 0 in 2D.
 
-    Properties besides: red, green, blue (see `cell_colours`), `probability`, `std`, and `observed`, 1 or 0 where the cell is predicted.
-    above: occupied cells unless given; -1 for all of them.
+    Properties besides: red, green, blue by p(occupied), `probability`, `std`, and `observed`, 1 or 0 where the cell is predicted.
     """
-    chosen = cells.select(cells.probability > np.float32(above))
-    colours = cell_colours(chosen, colour)
+    chosen = cells.select(cells.occupied)
+    colours = (PROBABILITY if cells.dimension == 2 else LIT)(chosen.probability.astype(np.float64), bytes=True)[:, :3]
     places = np.zeros((len(chosen), 3))
     places[:, : chosen.dimension] = chosen.centres
     columns = dict(zip(("x", "y", "z"), places.T, strict=True)) | dict(zip(("red", "green", "blue"), colours.T, strict=True))
