@@ -57,11 +57,8 @@ def write_page(cells: MapCells, path: str | os.PathLike, title: str, tables: dic
 
 def _flat(cells: MapCells) -> dict:
     """Pictures of a 2D map, a pixel per cell; rows from the top."""
-    low, high = cells.index.min(axis=0), cells.index.max(axis=0)
-    factor = -(-int((high - low + 1).max()) // MOST_PIXELS)
-    cells = cells.joined(factor)
-    low = cells.index.min(axis=0)
-    columns, rows = (cells.index.max(axis=0) - low + 1).tolist()
+    cells = cells.joined(-(-max(cells.box()[1]) // MOST_PIXELS))
+    low, (columns, rows) = cells.box()
     column, row = (cells.index - low).T
     row = rows - 1 - row
 
@@ -141,7 +138,11 @@ def _packed(array: np.ndarray) -> str:
 
 
 def _table(heading: str, rows: list[list[str]]) -> str:
-    cell = "".join
-    body = cell(f"<tr>{cell(f'<td>{html.escape(str(word))}</td>' for word in row)}</tr>" for row in rows[1:])
-    head = cell(f"<th>{html.escape(str(word))}</th>" for word in rows[0])
-    return f"<table><caption>{html.escape(heading)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    head, *body = rows
+    lines = "".join(_row("td", row) for row in body)
+    return f"<table><caption>{html.escape(heading)}</caption><thead>{_row('th', head)}</thead><tbody>{lines}</tbody></table>"
+
+
+def _row(tag: str, words: list[str]) -> str:
+    cells = "".join(f"<{tag}>{html.escape(word)}</{tag}>" for word in words)
+    return f"<tr>{cells}</tr>"
