@@ -56,6 +56,14 @@ def test_pixels_show_a_gap_s_outline_where_it_is():
     assert (row.min() + row.max()) / 2 == pytest.approx(90, abs=2)  # rows of pixels run from the top
 
 
+def test_a_sheet_shows_the_balls_that_it_cuts():
+    axes = new_figure(2, 2).subplots()
+    gaps = Gaps(np.array([[2.0, 0.5, 1.0], [9.5, 4.0, 2.9]]), np.array([0.8, 0.6]), 0.2)
+    outline_gaps(axes, gaps, height_m=1.5)
+    (circle,) = axes.patches  # the second ball does not reach it
+    assert tuple(circle.center) == (2.0, 0.5) and circle.radius == pytest.approx(np.sqrt(0.8**2 - 0.5**2))
+
+
 def test_colours_darken_from_free_to_occupied_and_unknown_has_no_hue():
     colours = PROBABILITY(np.linspace(0, 1, 101))[:, :3]
     luminance = colours**2.2 @ [0.2126, 0.7152, 0.0722]

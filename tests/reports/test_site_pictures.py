@@ -75,16 +75,6 @@ def test_contact_sheet_names_and_roles():
         assert left < 0 < 10 < right and bottom < 0 < 6 < top
 
 
-def test_3d_site_is_drawn_as_a_slice():
-    site = room(3)
-    gaps = Gaps(np.array([[2.0, 0.5, 1.0], [9.5, 4.0, 2.9]]), np.array([0.8, 0.6]), site.resolution_m)
-    shown = gaps.cut(site.fit)
-    maps = SiteMaps.draw(site, gaps, {"nearest": NearestMapper(1).fit(shown.points, shown.occupied)}, height_m=1.5)
-    axes = site_map_picture(maps).axes[0]
-    (circle,) = circles(axes)  # the second ball does not reach the slice
-    assert circle.radius == pytest.approx(np.sqrt(0.8**2 - 0.5**2))
-
-
 def test_gaps_of_a_result_and_a_saved_picture(maps, tmp_path):
     gaps = gaps_of(result(), room(), seed=2)
     assert gaps.centres.tolist() == [[3.0, 2.0]] and gaps.radius_m.tolist() == [1.25] and gaps.resolution_m == 0.1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,6 +14,7 @@ from hilbertvae.drawing.canvas import new_figure, outline_gaps, probability_bar,
 from hilbertvae.drawing.raster import Raster
 from hilbertvae.gaps import INSIDE, Gaps
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reports.site_view import one_gap
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 
@@ -26,17 +27,16 @@ ZOOM = 2.0
 """Half the side of a gap's window, in radii of the gap."""
 
 
-def contact_sheet(sites: Sequence[tuple[Site, str]], columns: int = 4, height_m: float | None = None) -> Figure:
-    """Each site's voxels, free light, occupied dark, unknown grey, under its name and role; `sites` are (site, role).
-
-    height_m: of the slice through 3D sites; 1 m above the middle height of the ground unless given.
-    """
+def contact_sheet(sites: Sequence[tuple[Site, str]], columns: int = 4) -> Figure:
+    """Each site's voxels, free light, occupied dark, unknown grey, under its name and role; `sites` are (site, role). Of 3D sites a slice,
+    1 m above the middle height of the ground."""
     columns = min(columns, len(sites))
     rows = math.ceil(len(sites) / columns)
     figure = new_figure(3.2 * columns, 3.3 * rows)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, (site, role) in zip(panels, sites, strict=False):
-        raster = Raster.around(site.voxels.points, site.resolution_m, 1.0, _height(site, height_m))
+        height_m = float(np.median(site.ground.height_m)) + 1.0 if site.dimension == 3 else None
+        raster = Raster.around(site.voxels.points, site.resolution_m, 1.0, height_m)
         codes, extent = raster.coarse(raster.codes(site.voxels), SHEET_CELLS)
         show_codes(axes, _squared(codes), _squared_extent(codes, extent))
         scale_bar(axes)
@@ -45,12 +45,6 @@ def contact_sheet(sites: Sequence[tuple[Site, str]], columns: int = 4, height_m:
     for axes in panels[len(sites) :]:
         axes.set_visible(False)
     return figure
-
-
-def _height(site: Site, height_m: float | None) -> float | None:
-    if site.dimension == 2 or height_m is not None:
-        return height_m
-    return float(np.median(site.ground.height_m)) + 1.0
 
 
 def _padding(shape: tuple[int, int]) -> list[tuple[int, int]]:
@@ -77,7 +71,7 @@ def gaps_of(result: Result, site: Site, seed: int) -> Gaps:
 
 @dataclass(frozen=True)
 class SiteMaps:
-    """Images of one site on one raster: truth and shown (rows, columns) int8 codes, maps by mapper (rows, columns) p(occupied)."""
+    """Images of one 2D site on one raster: truth and shown (rows, columns) int8 codes, maps by mapper (rows, columns) p(occupied)."""
 
     name: str
     raster: Raster
@@ -89,13 +83,12 @@ class SiteMaps:
     maps: dict[str, np.ndarray]
 
     @classmethod
-    def draw(cls, site: Site, gaps: Gaps, mappers: Mapping[str, Mapper], height_m: float | None = None) -> SiteMaps:
-        """Ask every mapper, already fitted on `gaps.cut(site.fit)`, at each cell of the map's resolution (in 3D, of one slice)."""
-        height_m = _height(site, height_m)
+    def draw(cls, site: Site, gaps: Gaps, mappers: Mapping[str, Mapper]) -> SiteMaps:
+        """Ask every mapper, already fitted on `gaps.cut(site.fit)`, at each cell of the map's resolution."""
         # Windows around gaps at the site's edge stay inside: where a mapper was not asked, white paper would look like free space.
         reach = ZOOM * gaps.radius_m[:, None]
         held = np.concatenate([site.voxels.points, gaps.centres - reach, gaps.centres + reach])
-        raster = Raster.around(held, site.resolution_m, height_m=height_m)
+        raster = Raster.around(held, site.resolution_m)
         return cls(
             site.name,
             raster,
@@ -118,8 +111,7 @@ class SiteMaps:
 
 def _hidden(cloud: Cloud, gaps: Gaps) -> np.ndarray:
     occupied = cloud.points[cloud.occupied]
-    balls = (replace(gaps, centres=gaps.centres[[g]], radius_m=gaps.radius_m[[g]]) for g in range(len(gaps.centres)))
-    return np.array([np.count_nonzero(ball.part(occupied) == INSIDE) for ball in balls])
+    return np.array([np.count_nonzero(one_gap(gaps, gap).part(occupied) == INSIDE) for gap in range(len(gaps.centres))])
 
 
 def site_map_picture(site_maps: SiteMaps, zooms: int = 6) -> Figure:
@@ -139,7 +131,7 @@ def site_map_picture(site_maps: SiteMaps, zooms: int = 6) -> Figure:
             image = show_codes(axes, *raster.coarse(site_maps.truth if title == "before" else site_maps.shown, MAP_CELLS))
         else:
             image = show_probability(axes, probability, raster.extent)
-        outline_gaps(axes, gaps, raster.height_m, numbers=numbers)
+        outline_gaps(axes, gaps, numbers=numbers)
         axes.set(xlim=raster.extent[:2], ylim=raster.extent[2:])
         scale_bar(axes)
         axes.set_title(f"{site_maps.name}, {title}" if title == "before" else title, fontsize=10, loc="left", pad=3)
@@ -171,7 +163,7 @@ def gap_zoom_picture(site_maps: SiteMaps, zooms: int = 6) -> Figure:
                 axes.set_title(f"gap {gap + 1}", fontsize=9, pad=3)
             else:
                 image = show_probability(axes, probability, raster.extent)
-            outline_gaps(axes, gaps, raster.height_m, linewidth=1.5)
+            outline_gaps(axes, gaps, linewidth=1.5)
             reach = ZOOM * gaps.radius_m[gap]
             x, y = gaps.centres[gap, :2]
             axes.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
