@@ -52,24 +52,23 @@ def fullest_layer(target: np.ndarray) -> int | None:
     return int((target == OCCUPIED).sum(axis=(0, 1)).argmax()) if target.ndim == 3 else None
 
 
-def pipeline_picture(cloud: Cloud, reconstructor: Reconstructor, whole: Cloud | None = None, seed: int = 0) -> Figure:
-    """Fig. 3: the cloud with one cluster selected, the cluster, its aligned grid, its reconstruction and, with `whole`, the truth.
+def pipeline_picture(cloud: Cloud, reconstructor: Reconstructor, whole: Cloud, seed: int = 0) -> Figure:
+    """Fig. 3: the cloud with one cluster selected, the cluster, its aligned grid, its reconstruction, and the truth.
 
-    cloud: what the mapper is given (`gaps.cut(site.fit)` for one with gaps). The cluster is the one with the most occupied
-    cells, or with `whole` the one from which the most were cut. In 3D all panels show one layer of that grid.
+    cloud: what the mapper is given (`gaps.cut(site.fit)`); whole: what that was cut from. The cluster is the one from which the most
+    occupied cells were cut. In 3D all panels show one layer of that grid.
     """
     settings = reconstructor.grid
     frames = find_frames(cloud, settings, seed)
     grids = bin_shown(cloud, frames, settings, reconstructor.detailed)
     shown = labels_of(grids, reconstructor.dimension)
-    target = bin_grids(whole, frames, settings) if whole is not None else shown
-    telling = (target == OCCUPIED) & (shown == UNKNOWN) if whole is not None else shown == OCCUPIED
-    cluster = int(telling.reshape(len(shown), -1).sum(axis=1).argmax())
+    target = bin_grids(whole, frames, settings)
+    cluster = int(_hidden(shown, target).argmax())
     layer = fullest_layer(target[cluster])
     values = reconstructor.reconstruct(grids[[cluster]])[0]
     probability = kernel_probability(values, reconstructor.likelihood.kind)
 
-    titles = ["cloud", "cluster", "aligned grid", "reconstruction"] + ["truth"] * (whole is not None)
+    titles = ["cloud", "cluster", "aligned grid", "reconstruction", "truth"]
     # The unknown around a cloud is cut to 1 : 2 at most by its own shape, so that its panel stays in a row with square ones.
     height_m = _layer_height(frames, cluster, layer, settings.cells)
     raster = Raster.around(cloud.points, reconstructor.resolution_m, height_m=height_m)
@@ -85,10 +84,9 @@ def pipeline_picture(cloud: Cloud, reconstructor: Reconstructor, whole: Cloud | 
     _scatter_cluster(panels[1], cloud, frames, cluster, settings.cluster_diameter_m, height_m, reconstructor.resolution_m)
     show_codes(panels[2], sheet(shown[cluster], layer))
     image = show_probability(panels[3], sheet(probability, layer))
-    if whole is not None:
-        show_codes(panels[4], sheet(target[cluster], layer))
-        for axes in panels[2:]:
-            outline_cells(axes, sheet((shown[cluster] == UNKNOWN) & (target[cluster] != UNKNOWN), layer))
+    show_codes(panels[4], sheet(target[cluster], layer))
+    for axes in panels[2:]:
+        outline_cells(axes, sheet((shown[cluster] == UNKNOWN) & (target[cluster] != UNKNOWN), layer))
     probability_bar(figure, image, panels.tolist(), shrink=0.85)
     return figure
 
@@ -126,11 +124,15 @@ def _scatter_cluster(axes: Axes, cloud: Cloud, frames: Frames, cluster: int, dia
     scale_bar(axes)
 
 
-def gapped_clusters(shown: np.ndarray, target: np.ndarray, count: int = 6, seed: int = 0) -> np.ndarray:
+def gapped_clusters(shown: np.ndarray, target: np.ndarray, count: int = 6) -> np.ndarray:
     """Random numbers of clusters from which a gap cut at least `LEAST_HIDDEN` occupied cells; fewer than `count` if there are fewer."""
-    hidden = ((target == OCCUPIED) & (shown == UNKNOWN)).reshape(len(shown), -1).sum(axis=1)
-    telling = np.flatnonzero(hidden >= LEAST_HIDDEN)
-    return np.sort(np.random.default_rng(seed).permutation(telling)[:count])
+    telling = np.flatnonzero(_hidden(shown, target) >= LEAST_HIDDEN)
+    return np.sort(np.random.default_rng(0).permutation(telling)[:count])
+
+
+def _hidden(shown: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """(B,) how many occupied cells of `target` (B, n, ..., n) are unknown as shown."""
+    return ((target == OCCUPIED) & (shown == UNKNOWN)).reshape(len(shown), -1).sum(axis=1)
 
 
 def reconstruction_rows(shown: np.ndarray, target: np.ndarray, values: np.ndarray, likelihood: str = "bernoulli") -> Figure:

@@ -169,7 +169,7 @@ def _network_figures(mapper: HilbertMap, site: Site, gaps: Gaps) -> dict[str, Fi
     grids, target = bin_shown(shown, frames, network.grid, network.detailed), bin_grids(site.whole, frames, network.grid)
     labels = labels_of(grids, site.dimension)
     chosen = gapped_clusters(labels, target)
-    figures = {"pipeline": pipeline_picture(shown, network, site.whole, seed=mapper.seed)}
+    figures = {"pipeline": pipeline_picture(shown, network, site.whole, mapper.seed)}
     draws = network.draws(grids[chosen], COMPLETIONS)
     if draws is None:
         figures |= {"prior": prior_picture(network)} if hasattr(network.network, "decode") else {}

@@ -30,10 +30,10 @@ def measured_rows(rows: list[Row], *keys: str) -> list[Row]:
     return [row for row in rows if all(isinstance(row.get(key), Spread) for key in keys)]
 
 
-def percents(rows: list[Row], key: str, scale: float = 100.0) -> tuple[list[float], list[float]]:
-    """Means and deviations (0 where there is none) of a measured key, in percent unless scaled otherwise."""
+def percents(rows: list[Row], key: str) -> tuple[list[float], list[float]]:
+    """Means and deviations (0 where there is none) of a measured key, in percent."""
     cells = [row[key] for row in rows]
-    return [scale * cell.mean for cell in cells], [scale * (cell.sd or 0.0) for cell in cells]
+    return [100 * cell.mean for cell in cells], [100 * (cell.sd or 0.0) for cell in cells]
 
 
 def empty_picture(title: str) -> Figure:
