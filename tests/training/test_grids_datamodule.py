@@ -1,23 +1,19 @@
-import os
-import resource
-from dataclasses import asdict, replace
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from training_toys import tiny_settings
+from training_toys import changed, name_of, tiny_settings
 
 from hilbertvae.checks import InputError
 from hilbertvae.gaps import NoRoom
-from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.scans.carmen import read_carmen
 from hilbertvae.simulate import SCENES
 from hilbertvae.training import kept_grids
 from hilbertvae.training.grid_pairs import GridPairs
 from hilbertvae.training.grids_datamodule import EpochBatches, GridsDataModule
-from hilbertvae.training.kept_grids import draw_seed, grids_hash
+from hilbertvae.training.kept_grids import draw_seed
 from hilbertvae.training.settings import DataSettings
 from toy_rooms import room_log
 
@@ -38,10 +34,6 @@ def module_of(settings):
 
 def draws_of(site, seed, settings):
     return draw_seed(settings.source().made_of(site), seed)
-
-
-def name_of(site, seed, settings):
-    return grids_hash(settings.source().made_of(site), seed, settings)
 
 
 def whole(pairs):
@@ -131,66 +123,6 @@ def test_a_log_that_changed_is_read_again(prepared, tmp_path):
     assert before.shape != after.shape or not torch.equal(before, after)
 
 
-def changed(settings, key, value):
-    """`settings` with the value at a dotted key."""
-    head, _, rest = key.partition(".")
-    return replace(settings, **{head: changed(getattr(settings, head), rest, value) if rest else value})
-
-
-MATTER = [
-    ("resolution_m", 0.2),
-    ("grid.cells", 8),
-    ("grid.cluster_diameter_m", 2.0),
-    ("grid.inner_radius_m", 0.4),
-    ("grid.start", "random"),
-    ("grid.minimum_points", 9),
-    ("grid.occupied_share", 0.5),
-    ("grid.frame", FrameSettings(centre="median")),
-    ("grid.frame", FrameSettings(rotation="full")),
-    ("grid.frame", FrameSettings(scale="extent")),
-    ("clustering.gap_diameter_m", [1.0, 1.2]),
-    ("clustering.gap_diameter_m", []),
-    ("clustering.turn", False),
-    ("data.simulated_scans", 21),
-    ("data.simulated_extent_m", [12, 17]),
-    ("network.encoding", "detailed"),
-    ("likelihood.vote_power", 0.5),
-]
-DO_NOT = [
-    ("name", "other"),
-    ("output", "elsewhere"),
-    ("seed", 5),
-    ("data.cache", "elsewhere"),
-    ("data.simulated", 9),
-    ("clustering.clusterings", 9),
-    ("trainer.learning_rate", 1.0),
-    ("trainer.batch_size", 3),
-    ("augmentation.balls", 0),
-    ("network.latent", 9),
-    ("evaluation.gap_ratio", 1.0),
-]
-
-
-@pytest.mark.parametrize(("key", "value"), MATTER, ids=lambda part: str(part)[:40])
-def test_the_hash_sees_what_changes_grids(key, value):
-    settings = tiny_settings("run", "cache")
-    assert name_of("simulated:0", 1, changed(settings, key, value)) != name_of("simulated:0", 1, settings)
-
-
-@pytest.mark.parametrize(("key", "value"), DO_NOT, ids=lambda part: str(part)[:40])
-def test_the_hash_does_not_see_what_leaves_grids_alone(key, value):
-    settings = tiny_settings("run", "cache")
-    other = changed(settings, key, value)
-    assert asdict(other) != asdict(settings)
-    assert name_of("simulated:0", 1, other) == name_of("simulated:0", 1, settings)
-
-
-def test_the_hash_sees_site_and_clustering():
-    settings = tiny_settings("run", "cache")
-    names = [("simulated:0", 1), ("simulated:0", 2), ("simulated:1", 1), ("intel", 1), ("csail", 1)]
-    assert len({name_of(*name, settings) for name in names}) == len(names)
-
-
 def test_gaps_that_hide_nothing_would_choose_no_weights(prepared, monkeypatch):
     monkeypatch.setattr(GridsDataModule, "_hides", lambda self, pairs, number: False)
     with pytest.raises(InputError, match="validation_gap_m: expected gaps that hide a cell of some validation grid, got none"):
@@ -208,41 +140,6 @@ def test_a_pair_hides_what_is_known_of_its_target_alone(prepared):
 def test_no_clusters_to_train_on(prepared):
     with pytest.raises(InputError, match="expected clusters to train and to validate on, got none; is grid.minimum_points too large"):
         module_of(changed(prepared, "grid.minimum_points", 10**6))
-
-
-def test_batches_are_read_from_files_in_any_order(tmp_path):
-    """Against all of it in memory: files of several lengths, one of them empty, and each kind of grid."""
-    rng = np.random.default_rng(0)
-    for channels, voted in ((2, False), (3, True), (7, False), (8, True)):
-        files = [rng.integers(-9, 9, (count, channels, 4, 4), np.int8) for count in (3, 0, 1, 5)]
-        paths = [tmp_path / f"{channels}-{number}.npy" for number in range(len(files))]
-        for path, file in zip(paths, files, strict=True):
-            np.save(path, file)
-        pairs, every = GridPairs(paths, voted), np.concatenate(files)
-        assert len(pairs) == 9
-        for chosen in ([3, 0, 8, 3], [2], list(range(9))):
-            shown, target = (part.numpy() for part in pairs[chosen])
-            own = 1 + voted
-            expected = every[chosen, :-own], every[chosen, -own:]
-            for found, part in zip((shown, target), expected, strict=True):
-                np.testing.assert_array_equal(found, part[:, 0] if part.shape[1] == 1 else part)
-
-
-def test_more_sites_than_a_process_may_hold_files_open(tmp_path):
-    """Many Linux systems allow 1024, and `2d` was trained on 1144."""
-    open_now = len(os.listdir("/proc/self/fd")) if Path("/proc/self/fd").is_dir() else 64
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    paths = [tmp_path / f"{number}.npy" for number in range(60)]
-    for number, path in enumerate(paths):
-        np.save(path, np.full((1, 2, 4, 4), number, np.int8))
-    resource.setrlimit(resource.RLIMIT_NOFILE, (open_now + 30, hard))
-    try:
-        pairs = GridPairs(paths, voted=False)
-        pairs.announce(list(range(60)))
-        shown, _ = whole(pairs)
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-    np.testing.assert_array_equal(shown[:, 0, 0], np.arange(60))
 
 
 def batches(count=10, batch_size=4, steps=5, seed=0, epoch=0):

@@ -1,4 +1,4 @@
-"""Settings of runs that take seconds, and a mapper that takes its time."""
+"""Settings of runs that take seconds, what names their grids, and a mapper that takes its time."""
 
 import time
 from dataclasses import replace
@@ -8,6 +8,7 @@ from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reconstruction.augmentation import AugmentationSettings
 from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.scoring.protocol import Protocol
+from hilbertvae.training.kept_grids import grids_hash
 from hilbertvae.training.scoring import score
 from hilbertvae.training.settings import DataSettings, Settings, TrainerSettings
 from toy_rooms import tiny_grid
@@ -54,3 +55,14 @@ def scores_of_late(settings) -> dict:
     written = []
     score(settings, {"late": LateMapper()}, None, lambda result, *_: written.append(result))
     return written[0].scores
+
+
+def name_of(site, seed, settings):
+    """What names the grids of one clustering of a site."""
+    return grids_hash(settings.source().made_of(site), seed, settings)
+
+
+def changed(settings, key, value):
+    """`settings` with the value at a dotted key."""
+    head, _, rest = key.partition(".")
+    return replace(settings, **{head: changed(getattr(settings, head), rest, value) if rest else value})
