@@ -1,6 +1,9 @@
 import joblib
 import pytest
 import torch
+from training_toys import tiny_settings
+
+from hilbertvae.training.train import train
 
 
 @pytest.fixture(autouse=True)
@@ -10,3 +13,16 @@ def one_process():
     with joblib.parallel_config(backend="threading"):
         yield
     torch.set_num_threads(threads)
+
+
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory):
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory, cache):
+    """A run of two epochs, never interrupted."""
+    settings = tiny_settings(tmp_path_factory.mktemp("runs") / "whole", cache)
+    with joblib.parallel_config(backend="threading"):
+        return settings, train(settings)
