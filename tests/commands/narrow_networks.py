@@ -3,7 +3,7 @@ would learn."""
 
 from hydra import compose, initialize_config_dir
 
-from hilbertvae.commands.train import CONF
+from hilbertvae.commands.configuration import CONF
 
 RANDOM_FEATURES = ("hm-fourier", "hm-nystroem")
 

@@ -4,8 +4,9 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from hilbertvae.checks import InputError
+from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.overrides import refuse_ignored
-from hilbertvae.commands.train import CONF, _identity, run, to_settings
+from hilbertvae.commands.train import _identity, run
 from hilbertvae.files import file_sha256
 from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor

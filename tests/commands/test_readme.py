@@ -13,10 +13,11 @@ import pytest
 from hydra import compose, initialize_config_dir
 from narrow_networks import narrowed
 
+from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.map import main as map_scans
 from hilbertvae.commands.query import main as query
 from hilbertvae.commands.table import main as table
-from hilbertvae.commands.train import CONF, run, to_settings
+from hilbertvae.commands.train import run
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.ros_map import write_ros_map
 from hilbertvae.mappers.fixed_grid import FixedGridMapper

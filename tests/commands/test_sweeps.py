@@ -15,9 +15,10 @@ from hydra import compose, initialize_config_dir
 from narrow_networks import narrowed
 
 from hilbertvae.clusters.starts import STARTS
+from hilbertvae.commands.configuration import CONF, SWEEPS, to_settings
 from hilbertvae.commands.sweep_progress import earlier_jobs
 from hilbertvae.commands.table import main as table
-from hilbertvae.commands.train import CONF, SWEEPS, run, to_settings
+from hilbertvae.commands.train import run
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.run_state import UNFINISHED
 from hilbertvae.training.train import kept_name

@@ -7,8 +7,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from hilbertvae.commands.configuration import SWEEPS
 from hilbertvae.commands.table import main
-from hilbertvae.commands.train import SWEEPS
 from hilbertvae.tables.layouts import read_page
 from toy_sweeps import declare, put
 

@@ -17,7 +17,8 @@ from narrow_networks import narrowed
 from hilbertvae.checks import InputError
 from hilbertvae.clusters.starts import STARTS
 from hilbertvae.commands.build import build_mappers
-from hilbertvae.commands.train import CONF, main, run, to_settings
+from hilbertvae.commands.configuration import CONF, to_settings
+from hilbertvae.commands.train import main, run
 from hilbertvae.files import file_sha256
 from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.nearest import NearestMapper

@@ -6,23 +6,22 @@ import contextlib
 import json
 import os
 import sys
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 
 import hydra
-from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
-from omegaconf import MISSING, DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf
 
 import hilbertvae
 from hilbertvae.checks import InputError, how_to_install
 from hilbertvae.commands.clustering_study import has_study, run_clustering, write_clustering_failure
+from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.gpus import give_gpus, remember_gpus, see_remembered_gpus
 from hilbertvae.commands.overrides import named_networks, refuse_ignored
 from hilbertvae.files import file_sha256
-from hilbertvae.reconstruction.networks import NETWORKS
 from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reports.provenance import without_folders
 from hilbertvae.reports.run_lock import alone_in
@@ -45,11 +44,6 @@ from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import own_sites
 from hilbertvae.training.training_hash import training_hash
 
-PACKAGE = Path(hilbertvae.__file__).parent
-# The wheel carries the folders inside the package; a checkout has them at the top.
-CONF, SWEEPS = (PACKAGE / name if (PACKAGE / name).is_dir() else PACKAGE.parents[1] / name for name in ("conf", "sweeps"))
-OmegaConf.register_new_resolver("sweeps_folder", lambda: str(SWEEPS), replace=True)
-
 JOB = "HILBERTVAE_JOB"
 """Where a job of a multirun tells the other processes of its distributed training what it is: Lightning starts them with the words of
 the whole multirun, of which they would do every job."""
@@ -60,36 +54,6 @@ LAUNCHERS = {
     "ray": ("ray", "hydra_ray_launcher"),
 }
 """By launcher the extra that it needs, and the plugin that Hydra would not find without saying so."""
-
-store = ConfigStore.instance()
-# The network is missing there, so that a choice of another kind meets no default of this one; the folder is that of the name, and the
-# voxels are those of the dimension, that will be chosen.
-SCHEMA = Settings(network=MISSING)
-SCHEMA.output, SCHEMA.resolution_m = "outputs/${name}", None
-store.store(name="settings_schema", node=SCHEMA)
-for kind, (schema, _) in NETWORKS.items():
-    store.store(group="network", name=f"{kind}_schema", node=schema)
-
-
-def to_settings(config: DictConfig) -> Settings:
-    """The configuration as plain dataclasses, checked."""
-    try:
-        settings = OmegaConf.to_object(config)
-    except InputError as error:  # of a street, which is complete when it is made, and does not know where it lies
-        raise InputError(f"data.{error}" if str(error).startswith("street.") else str(error)) from error
-    _refuse_unknown(settings, "")
-    settings.check()
-    return settings
-
-
-def _refuse_unknown(node: object, path: str) -> None:
-    """Hydra's `+key=value` adds a key to a typed node without complaint; no setting that nothing reads is let through."""
-    known = {part.name for part in fields(node)}
-    for name, value in vars(node).items():
-        if name not in known:
-            raise InputError(f"{path}{name}: unknown key; expected one of {', '.join(sorted(known))}")
-        if is_dataclass(value):
-            _refuse_unknown(value, f"{path}{name}.")
 
 
 def run(settings: Settings, again: bool = True) -> int:
