@@ -14,7 +14,8 @@ from hilbertvae.checks import InputError, check_positive, check_seeds
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import LEAST_SHARE, Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.scoring.cases import Case, gap_case, occluded_parts, occlusion_case, voxel_keys
+from hilbertvae.scoring.cases import Case, gap_case, occluded_parts, occlusion_case
+from hilbertvae.scoring.ceiling import ceiling
 from hilbertvae.scoring.metrics import error_ranking, precision_recall_curve, score
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
@@ -195,19 +196,6 @@ def _curve(occupied: np.ndarray, probability: np.ndarray) -> list[float]:
     _, precision, recall = precision_recall_curve(occupied, probability)
     best = np.maximum.accumulate(precision[::-1])[::-1]
     return [round(float(p), 5) for p in best[np.searchsorted(recall, np.linspace(0, 1, CURVE_POINTS) - 1e-12)]]
-
-
-def ceiling(site: Site) -> dict[str, dict[str, float]]:
-    """Precision and recall on held-out beams of the best vote of all beams at the map's own cell size: what a map of labelled
-    cells says at best that has seen everything (METHOD 7)."""
-    found = {}
-    for reading, cloud, held_out in (("points", site.points, site.points_held_out), ("voxels", site.voxels, site.voxels_held_out)):
-        _, cell = np.unique(voxel_keys(cloud.points, site), return_inverse=True)
-        hits = np.bincount(cell, weights=cloud.occupied)
-        best = (2 * hits >= np.bincount(cell))[cell]
-        scores = score(cloud.occupied[held_out], best[held_out].astype(float))
-        found[reading] = {"precision": scores["precision"], "recall": scores["recall"]}
-    return found
 
 
 def evaluate_all(mappers: dict[str, Mapper], site: Site, protocol: Protocol, progress=None, kept=None) -> Result:
