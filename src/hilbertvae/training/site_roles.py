@@ -6,8 +6,6 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from hilbertvae.checks import InputError
 from hilbertvae.files import files_at, path_sha256
 from hilbertvae.reconstruction.training_card import stages
@@ -77,8 +75,8 @@ def own_sites(references: Iterable[str]) -> dict[str, str]:
 def place(reference: str) -> str:
     """One word for all spellings of a site: a simulated one's plain number, the catalogue's name also for a copy of its files, and for
     copies of others one sha256."""
-    if np.isfinite(number := _number(reference)):
-        return f"{SIMULATED}{number:.0f}"
+    if (number := _number(reference)) is not None:
+        return f"{SIMULATED}{number}"
     if not is_scan_path(reference):
         return reference
     path = Path(reference).resolve()
@@ -91,7 +89,7 @@ def _contents(path: Path) -> str | None:
     return path_sha256(path) if 0 < sum(file.stat().st_size for file in files_at(path)) < LARGEST_BYTES else None
 
 
-def _number(reference: str) -> float:
-    """The seed of a simulated site, infinite for any other."""
+def _number(reference: str) -> int | None:
+    """The seed of a simulated site; None for any other."""
     number = reference.removeprefix(SIMULATED)
-    return int(number) if number != reference and number.isdecimal() else np.inf
+    return int(number) if number != reference and number.isdecimal() else None
