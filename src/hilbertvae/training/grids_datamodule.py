@@ -18,7 +18,7 @@ from hilbertvae.training.settings import Settings
 class EpochBatches(Sampler):
     """`steps` batches, drawn from (seed, epoch): a checkpoint has no random state, and a resumed epoch must not replay another's.
 
-    announce: is told of each batch one step before it is asked for.
+    announce: is told of each batch but the first one step before it is asked for.
     """
 
     def __init__(self, count: int, batch_size: int, steps: int, seed: int, rank: int = 0, announce: Callable | None = None):
@@ -86,9 +86,9 @@ class GridsDataModule(L.LightningDataModule):
     def train_dataloader(self) -> DataLoader:
         trainer = self.settings.trainer
         rank = self.trainer.global_rank if self.trainer else 0
-        pairs, how = self.train_pairs, (trainer.batch_size, trainer.steps_per_epoch, self.settings.seed, rank)
-        batches = EpochBatches(len(pairs), *how, announce=pairs.announce)
-        return DataLoader(self.train_pairs, sampler=batches, batch_size=None)
+        pairs = self.train_pairs
+        batches = EpochBatches(len(pairs), trainer.batch_size, trainer.steps_per_epoch, self.settings.seed, rank, pairs.announce)
+        return DataLoader(pairs, sampler=batches, batch_size=None)
 
     def val_dataloader(self) -> DataLoader:
         count = len(self.validation_pairs)

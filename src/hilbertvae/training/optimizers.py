@@ -12,6 +12,8 @@ NEWTON_SCHULZ = (3.4445, -4.7750, 2.0315)
 """Coefficients of the quintic that takes all singular values of a matrix to between about 0.7 and 1.2 in five rounds (Jordan 2024)."""
 ROUNDS = 5
 ADAMW_BETAS = (0.9, 0.95)
+MOMENTUM = 0.95
+"""Of Muon's steps."""
 MATCH = 0.2
 """The root mean square of an AdamW step, in learning rates: with steps of this size one rate serves both (Liu et al. 2025)."""
 
@@ -41,10 +43,8 @@ class Muon(torch.optim.AdamW):
     The other parameters, linear layers' among them, take AdamW's. Weight decay is AdamW's for both, for weights alone.
     """
 
-    def __init__(self, network: nn.Module, lr: float, weight_decay: float, momentum: float = 0.95):
-        groups = parameter_groups(network.parameters(), weight_decay)
-        super().__init__(groups, lr=lr, betas=ADAMW_BETAS)
-        self.momentum = momentum
+    def __init__(self, network: nn.Module, lr: float, weight_decay: float):
+        super().__init__(parameter_groups(network.parameters(), weight_decay), lr=lr, betas=ADAMW_BETAS)
 
     @torch.no_grad()
     def step(self, closure=None):
@@ -66,8 +66,8 @@ class Muon(torch.optim.AdamW):
         if not state:  # under AdamW's names, which knows how to save and load them
             state["step"], state["exp_avg"] = torch.zeros(()), torch.zeros_like(weights)
         state["step"] += 1
-        mean = state["exp_avg"].lerp_(gradient, 1 - self.momentum)
-        step = orthogonalised(gradient.lerp(mean, self.momentum).flatten(1))
+        mean = state["exp_avg"].lerp_(gradient, 1 - MOMENTUM)
+        step = orthogonalised(gradient.lerp(mean, MOMENTUM).flatten(1))
         weights.mul_(1 - rate * decay)
         weights.add_(step.reshape(weights.shape), alpha=-rate * MATCH * math.sqrt(max(step.shape)))
         weights.grad = None  # AdamW leaves those without one alone

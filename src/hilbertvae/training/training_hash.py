@@ -18,6 +18,8 @@ AFTERWARDS = (
 """Keys of what is done with a trained network, or where."""
 ELSEWHERE = {"data": ("folder", "download", "cache", "processes", "test"), "trainer": ("accelerator", "strategy")}
 """Keys of where things lie, or of what computes."""
+MOST_NAMED = 3
+"""Keys that a message names."""
 
 
 def training_hash(settings: Settings) -> str:
@@ -31,12 +33,12 @@ def trained_by(settings: Settings) -> dict:
     return _made_of(settings, path_sha256(initial) if initial else None)
 
 
-def first_differences(ours: dict, theirs: dict, most: int = 3) -> str:
-    """What some keys of nested dictionaries are in each of the two, in a sentence; empty where nothing differs."""
+def first_differences(ours: dict, theirs: dict) -> str:
+    """What the first keys of nested dictionaries that differ are in each of the two, in a sentence; empty where nothing does."""
     ours, theirs = dict(_flat(ours)), dict(_flat(theirs))
     other = [key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key)]
-    more = f", and {len(other) - most} more" if len(other) > most else ""
-    return ", ".join(f"{key} {theirs.get(key)!r:.60} and not {ours.get(key)!r:.60}" for key in other[:most]) + more
+    more = f", and {len(other) - MOST_NAMED} more" if len(other) > MOST_NAMED else ""
+    return ", ".join(f"{key} {theirs.get(key)!r:.60} and not {ours.get(key)!r:.60}" for key in other[:MOST_NAMED]) + more
 
 
 def _flat(node: dict, before: str = "") -> Iterator[tuple[str, object]]:
