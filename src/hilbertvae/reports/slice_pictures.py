@@ -13,7 +13,7 @@ from hilbertvae.drawing.raster import Raster
 from hilbertvae.reports.site_view import SiteView, fullest_gap
 from hilbertvae.voxel_votes import voxel_index
 
-ABOVE_GROUND_M = 1.0
+LEVEL_M = 1.0
 """The height of the slice that follows the ground: cars, trunks and walls are in it, kerbs are not."""
 REACH_M = 18.0
 """How far the upright slice goes to each side of its gap."""
@@ -45,16 +45,16 @@ def slice_picture(view: SiteView, gap: int | None = None) -> Figure:
 
 def _level_slice(axes: Axes, view: SiteView, raster: Raster):
     queries = raster.queries()
-    queries[:, 2] = ABOVE_GROUND_M - view.ground.height_above(queries * [1, 1, 0])
+    queries[:, 2] = LEVEL_M - view.ground.height_above(queries * [1, 1, 0])
     image = show_probability(axes, raster.image(view.mapper.predict_map(queries)), raster.extent)
     points = view.cloud.points[view.cloud.occupied]
-    at_height = np.abs(view.ground.height_above(points) - ABOVE_GROUND_M) <= view.resolution_m / 2
+    at_height = np.abs(view.ground.height_above(points) - LEVEL_M) <= view.resolution_m / 2
     _dots(axes, points[at_height, :2], 2.5)
-    height = ABOVE_GROUND_M - view.ground.height_above(view.gaps.centres * [1, 1, 0])
+    height = LEVEL_M - view.ground.height_above(view.gaps.centres * [1, 1, 0])
     _cut_balls(axes, view, view.gaps.centres[:, :2], view.gaps.centres[:, 2] - height)
     axes.set(xlim=raster.extent[:2], ylim=raster.extent[2:])
     scale_bar(axes)
-    axes.set_title(f"{view.name}, {ABOVE_GROUND_M:g} m above the ground; dots: occupied points shown", fontsize=10, loc="left", pad=3)
+    axes.set_title(f"{view.name}, {LEVEL_M:g} m above the ground; dots: occupied points shown", fontsize=10, loc="left", pad=3)
     return image
 
 
