@@ -48,14 +48,14 @@ def test_colours_go_by_height_and_predicted_is_greener():
 def test_mesh_is_read_back_around_the_origin(tmp_path, most):
     surface = globe(offset=np.array([500_000.0, 4_500_000.0, 100.0]))
     with SummaryWriter(tmp_path) as writer:
-        add_surface(writer, "room/surface", surface, step=7, most_vertices=most)
+        add_surface(writer, "room/surface", surface, most_vertices=most)
         add_surface(writer, "room/nothing", Surface(np.empty((0, 3)), np.empty((0, 3), int), np.empty(0), np.empty(0, bool)))
     events = EventAccumulator(str(tmp_path), size_guidance={"tensors": 0}).Reload()
     found = {}
     for tag in events.Tags()["tensors"]:
         metadata = plugin_data_pb2.MeshPluginData.FromString(events.SummaryMetadata(tag).plugin_data.content)
         (event,) = events.Tensors(tag)
-        assert event.step == 7 and metadata.name == "room/surface"
+        assert event.step == 0 and metadata.name == "room/surface"
         proto, kind = event.tensor_proto, plugin_data_pb2.MeshPluginData.ContentType.Name(metadata.content_type)
         flat = np.frombuffer(proto.tensor_content, {1: np.float32, 3: np.int32, 4: np.uint8}[proto.dtype])
         if not len(flat):

@@ -49,9 +49,7 @@ def _area(surface: Surface) -> float:
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
-def add_surface(
-    writer, tag: str, surface: Surface, step: int = 0, most_vertices: int = MOST_VERTICES, ground: Ground | None = None
-) -> None:
+def add_surface(writer, tag: str, surface: Surface, ground: Ground | None = None, most_vertices: int = MOST_VERTICES) -> None:
     """Write a surface to `writer`, a `SummaryWriter`; its colours are `surface_colours`. An empty surface is left out.
 
     It is moved to the origin, since float32 does not hold map coordinates such as UTM to the centimetre, and turned: up is y there.
@@ -61,4 +59,4 @@ def add_surface(
         return
     x, y, z = (surface.vertices - (surface.vertices.min(axis=0) + surface.vertices.max(axis=0)) / 2).T.astype(np.float32)
     colours = surface_colours(surface, ground)
-    writer.add_mesh(tag, np.stack([x, z, -y], axis=1)[None], colours[None], surface.faces.astype(np.int32)[None], global_step=step)
+    writer.add_mesh(tag, np.stack([x, z, -y], axis=1)[None], colours[None], surface.faces.astype(np.int32)[None], global_step=0)

@@ -111,9 +111,9 @@ def free_bits(kl: Tensor, nats: float) -> Tensor:
     return kl.mean(dim=0).clamp_min(nats).sum()
 
 
-def active_dimensions(kl: Tensor, nats: float = 0.01) -> Tensor:
-    """How many latent dimensions carry more than `nats` on average over the batch. Scalar."""
-    return (kl.mean(dim=0) > nats).sum()
+def active_dimensions(kl: Tensor) -> Tensor:
+    """How many latent dimensions carry more than 0.01 nats on average over the batch. Scalar."""
+    return (kl.mean(dim=0) > 0.01).sum()
 
 
 def kl_weight(step: int, warmup_steps: int) -> float:

@@ -97,9 +97,9 @@ class Reconstructor:
                     progress(min(start + batch, len(grids)), len(grids))
         return Completion(value, known)
 
-    def reconstruct(self, grids: np.ndarray, flips: int = 4, batch: int = 64, device: str = "cpu") -> np.ndarray:
+    def reconstruct(self, grids: np.ndarray, flips: int = 4) -> np.ndarray:
         """float32 kernel values (M, n, ..., n): those of `complete`, alone."""
-        return self.complete(grids, flips, batch, device).value.astype(np.float32)
+        return self.complete(grids, flips).value.astype(np.float32)
 
     def draws(self, grids: np.ndarray, count: int, seed: int = 0) -> np.ndarray | None:
         """float32 kernel values (count, M, n, ..., n): so many ways in which each of the grids may go on; None from a network that has

@@ -106,7 +106,7 @@ class Report:
             write_tensorboard(writer, result, images, self.config)
             if surface and len(surface):
                 write_ply(folder / SURFACE, surface, surface_colours(surface, site.ground))
-                add_surface(writer, f"{shown}/surface", surface, ground=site.ground)
+                add_surface(writer, f"{shown}/surface", surface, site.ground)
         self.failed.update({f"{name} on {site.name}": why for name, why in result.failed.items()})
         if figures:
             print(f"Pictures: {folder / PICTURES}")
