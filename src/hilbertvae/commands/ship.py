@@ -101,12 +101,12 @@ def main(words: list[str] | None = None) -> int:
         "--calibration-seeds", nargs="+", type=int, default=[], help="gap seeds that they are learned with, if not as in its training"
     )
     parser.add_argument("--results", type=Path, nargs="*", default=[], help="result.json files that scored it, for its card")
-    given = parser.parse_args(words)
+    given = vars(parser.parse_args(words))
+    results = given.pop("results")
     try:
-        if given.checkpoint:
-            how = (given.rotation, given.interpolated, given.mean, given.calibrate, given.occupied_weight, given.calibration_seeds)
-            print(ship(given.checkpoint, given.name, *how))
-        print(write_card(given.name, given.results))
+        if given["checkpoint"]:
+            print(ship(**given))
+        print(write_card(given["name"], results))
     except (InputError, OSError) as error:
         print(f"hilbertvae.commands.ship: {error}", file=sys.stderr)
         return 2
