@@ -26,17 +26,17 @@ def settings_of(kind: type[T], words: list[str]) -> T:
 
     Raises `InputError` for a word without `=`, an unknown key, a key given twice, or a value of another type; it names the key.
     """
-    keys = [word.partition("=")[0] for word in words]
+    keys, types = [word.partition("=")[0] for word in words], types_of(kind)
     for word, key in zip(words, keys, strict=True):
         if "=" not in word or not key:
             raise InputError(f"{word!r}: expected key=value; see --help")
         if keys.count(key) > 1:
             raise InputError(f"{key}: given more than once")
-        if key not in {part.name for part in dataclasses.fields(kind)}:
-            raise InputError(f"{key}: unknown key; expected one of {', '.join(part.name for part in dataclasses.fields(kind))}")
+        if key not in types:
+            raise InputError(f"{key}: unknown key; expected one of {', '.join(types)}")
     schema, texts = OmegaConf.structured(kind), {}
     for word, key in zip(words, keys, strict=True):
-        text, whole = word.partition("=")[2], types_of(kind)[key]
+        text, whole = word.partition("=")[2], types[key]
         typed = whole.removesuffix(" | None")
         if typed == "str":
             unset = text == "null" and whole != typed
