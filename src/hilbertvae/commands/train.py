@@ -105,8 +105,16 @@ def run(settings: Settings, again: bool = True) -> int:
 
     own = {without_folders(site): found for site, found in own_sites(sites).items()}
     hashes = site_hashes([site for site, role in sites.items() if training or role != "train"]) | own | _given(settings)
-    card = scored.card if scored else {}
-    write = Report(settings.output, config, identity, seeds_of(settings, scored), hashes, others, settings.pictures, card)
+    write = Report(
+        settings.output,
+        config,
+        identity=identity,
+        seeds=seeds_of(settings, scored),
+        data=hashes,
+        others=others,
+        pictures=settings.pictures,
+        card=scored.card if scored else {},
+    )
     if other_scoring:
         clear(settings.output)
     if training:
