@@ -24,6 +24,7 @@ def map_summary(name: str, points: dict[str, int], cells: MapCells) -> dict:
     """
     low, shape = cells.box()
     whole = int(np.prod([float(length) for length in shape]))
+    filled = cells.select(~cells.observed)
     before, after = _counts(cells.select(cells.observed), whole), _counts(cells, whole)
     return {
         "name": name,
@@ -31,14 +32,14 @@ def map_summary(name: str, points: dict[str, int], cells: MapCells) -> dict:
         "resolution_m": cells.resolution_m,
         "extent_m": {"low": (low * cells.resolution_m).tolist(), "high": ((low + shape) * cells.resolution_m).tolist()},
         "points": points,
-        "cells": {"before": before, "after": after, "filled": _counts(cells.select(~cells.observed), None)},
+        "cells": {"before": before, "after": after, "filled": _counts(filled, len(filled))},
     }
 
 
-def _counts(cells: MapCells, whole: int | None) -> dict[str, int]:
+def _counts(cells: MapCells, whole: int) -> dict[str, int]:
     """Cells by what they are called; `whole` is how many there are with those of which nothing is known."""
     occupied, free = int(cells.occupied.sum()), int(cells.free.sum())
-    return {"occupied": occupied, "free": free, "unknown": (len(cells) if whole is None else whole) - occupied - free}
+    return {"occupied": occupied, "free": free, "unknown": whole - occupied - free}
 
 
 def summary_tables(summary: dict) -> dict[str, list[list[str]]]:

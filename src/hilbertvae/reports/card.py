@@ -52,7 +52,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         f'`hilbertvae.load_mapper("{name}")`. {count:,} weights, as int8 with a scale per channel; {weights.stat().st_size:,} bytes; '
         f"sha256 `{file_sha256(weights)}`. Grids of {network.grid.cells}^{network.dimension} cells of {network.grid.cell_m:g} m.",
         "## Trained",
-        *_trained(card),
+        _trained(card),
         f"The Hilbert Map's weights were learned on {', '.join(calibrated_on(card))}, "
         + f"over {card['flips']} flip{'s' if card['flips'] > 1 else ''}"
         + (f", in frames turned as `{turned}`" if (turned := network.grid.frame.rotation) != "none" else "")
@@ -73,7 +73,7 @@ def _between_cells(interpolated: bool | str) -> str:
     return "read between cells" if interpolated is True else f"those for {interpolated} read between cells"
 
 
-def _trained(card: dict) -> list[str]:
+def _trained(card: dict) -> str:
     said = []
     for number, stage in enumerate(stages(card)):
         command = f", by `{' '.join(stage['command'])}`" if "command" in stage else ""
@@ -83,7 +83,7 @@ def _trained(card: dict) -> list[str]:
             f"{number + 1}. On {', '.join(stage['trained_on'])}, best weights by {stage['validated_on']}: epoch {stage['epoch']}, "
             f"step {stage['steps']}, seed {stage['seed']}{command}{commit}.{mean}"
         )
-    return ["\n".join(said)]
+    return "\n".join(said)
 
 
 def _scores(results: list[Result]) -> str:

@@ -54,13 +54,15 @@ class GridsDataModule(L.LightningDataModule):
 
     def prepare_data(self) -> None:
         """On one process of each machine, while the others of a distributed training wait."""
-        build_all(sum(self._jobs(), []), self.settings)
+        jobs, validation = self._jobs()
+        build_all(jobs + validation, self.settings)
 
     def setup(self, stage: str | None = None) -> None:
         """Open the files of all grids, which are built first if they are not there."""
         if self.train_pairs is not None:
             return
-        settings, (jobs, validation) = self.settings, self._jobs()
+        settings = self.settings
+        jobs, validation = self._jobs()
         paths, voted = build_all(jobs + validation, settings), is_voted(settings)
         self.train_pairs = GridPairs(paths[: len(jobs)], voted)
         validation_pairs = GridPairs(paths[len(jobs) :], voted)
