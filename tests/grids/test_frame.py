@@ -12,6 +12,7 @@ from hilbertvae.clusters.clusters import Clusters
 from hilbertvae.clusters.quick_means import quick_means
 from hilbertvae.gaps import random_gaps
 from hilbertvae.grids import frame
+from hilbertvae.grids.aligned_grid import cell_index
 from hilbertvae.grids.frame import CENTRES, ROTATIONS, SCALES, Frames, FrameSettings, cluster_frames
 
 CHOICES = list(itertools.product(CENTRES, ROTATIONS, SCALES))
@@ -94,7 +95,7 @@ def test_every_frame_is_a_proper_rotation_of_the_cluster(place, choice):
             assert frames.scale[m] == DIAMETER_M
         else:  # the farthest member lies on a side of the box, and none beyond
             inside = frames.into(members, np.full(len(members), m))
-            assert np.abs(inside).max() == pytest.approx(0.5)
+            assert np.abs(inside).max() == pytest.approx(0.5, abs=1e-5)
             assert np.abs(inside).max() <= 0.5
 
 
@@ -158,6 +159,21 @@ def test_a_turned_site_has_turned_frames():
     # Eigenvectors only: a per-axis median is no vector that turns along.
     other = cluster_frames(quick_means(moved.points[:80], 5.0, 5.0, 5), moved, 10.0, 0.1, FrameSettings("seed", "full", "fixed"))
     np.testing.assert_allclose(turn.T @ plain.rotation[0], other.rotation[0], atol=1e-9)
+
+
+@settings(max_examples=20)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    dimension=st.integers(2, 3),
+    cells=st.sampled_from([2, 15, 32]),
+    centre=st.sampled_from(["seed", "median"]),
+)
+def test_a_box_as_large_as_its_cluster_has_a_cell_for_each_of_its_returns(seed, dimension, cells, centre):
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(0, 8, (300, dimension)) + rng.choice([0.0, 5e6], dimension)
+    clusters = quick_means(points, DIAMETER_M / 2, 0.9, 5, 0)
+    frames = cluster_frames(clusters, Cloud(points, np.ones(300, bool), np.ones(300)), 10.0, 0.1, FrameSettings(centre, "full", "extent"))
+    assert cell_index(frames, points[clusters.members], clusters.numbers, cells)[1].all()
 
 
 @pytest.mark.parametrize("cells", [15, 16])

@@ -183,7 +183,8 @@ def _extent(clusters: Clusters, returns: np.ndarray, centre: np.ndarray, rotatio
     turned = Frames(centre, rotation, np.ones(len(clusters))).into(returns[clusters.members], segment)
     reach = np.zeros(len(clusters))
     np.maximum.at(reach, segment, np.abs(turned).max(axis=1))
-    return np.maximum(2 * reach * (1 + 1e-9), 1e-3)
+    # By more than cells reach over a box's upper side (`aligned_grid.SLACK`), else the farthest return would be in the cell after the last.
+    return np.maximum(2 * reach * (1 + 4e-6), 1e-3)
 
 
 CENTRES = {"seed": _seed, "median": _median}
