@@ -1,3 +1,4 @@
+import io
 import struct
 
 import numpy as np
@@ -5,7 +6,7 @@ import pytest
 from point_writers import POINTS, write_las
 
 from hilbertvae.scans.las import read_las
-from hilbertvae.scans.las_units import metres_per_unit
+from hilbertvae.scans.las_units import EXTENDED_HEAD, metres_per_unit, system_records
 
 FOOT, US_FOOT = 0.3048, 1200 / 3937
 US = 'UNIT["US survey foot",0.3048006096012192,AUTHORITY["EPSG","9003"]]'
@@ -46,7 +47,20 @@ def wkt(text):
     ],
 )
 def test_what_records_say(records, expected):
-    np.testing.assert_allclose(metres_per_unit(b"".join(records), len(records)), expected, rtol=1e-12)
+    found = system_records(io.BytesIO(b"".join(records)), 0, len(records))
+    np.testing.assert_allclose(metres_per_unit(found), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["new.las", "new.laz"])
+@pytest.mark.parametrize("length", [None, 2**63], ids=["sound", "forged length"])
+def test_records_behind_the_points_say_it_too(tmp_path, name, length):
+    path = write_las(tmp_path / name, point_format=7, version="1.4")
+    plain, text = path.read_bytes(), f'PROJCS["p",{DEGREES},{US}]'.encode()
+    others = EXTENDED_HEAD.pack(b"copc", 1000, 3) + b"\0\1\2"
+    behind = others + EXTENDED_HEAD.pack(b"LASF_Projection", 2112, length or len(text)) + text
+    path.write_bytes(plain[:235] + struct.pack("<QI", len(plain), 2) + plain[247:] + behind)
+    with pytest.warns(UserWarning, match="in feet"):
+        np.testing.assert_allclose(read_las(path).points, 0.3048006096012192 * POINTS, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", ["a.las", "a.laz"])

@@ -6,6 +6,7 @@ import os
 import struct
 import warnings
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.apart import read_apart
 from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, reading
-from hilbertvae.scans.las_units import metres_per_unit
+from hilbertvae.scans.las_units import EXTENDED_HEAD, metres_per_unit, system_records
 
 HEADER_BYTES = 375
 RECORD_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
@@ -90,8 +91,9 @@ def _header(path: Path, file) -> _Header:
     if not np.isfinite(numbers).all() or (numbers[:3] <= 0).any() or np.abs(numbers).max() > 1e12:
         raise InputError(f"{path}: expected positive scales and finite offsets, got {numbers.tolist()}")
     withheld = OLD_WITHHELD if form < 6 else NEW_WITHHELD
-    file.seek(header_bytes)
-    unit_m = metres_per_unit(file.read(data_start - header_bytes), blocks)
+    behind_start, behind = struct.unpack_from("<QI", start, 235) if minor == 4 else (size, 0)
+    records = system_records(file, header_bytes, blocks, end=data_start), system_records(file, behind_start, behind, EXTENDED_HEAD)
+    unit_m = metres_per_unit(chain(*records))
     return _Header(size, data_start, count, record_bytes, withheld, numbers[:3], numbers[3:], packed, unit_m)
 
 

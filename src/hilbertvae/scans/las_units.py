@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 import struct
+from collections.abc import Iterable, Iterator
+from typing import BinaryIO
 
 import numpy as np
 
@@ -15,21 +18,33 @@ METRES = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}
 """By EPSG's code: metre, foot, US survey foot; others are rare, and count as metres."""
 UNIT = re.compile(r'(?:LENGTHUNIT|UNIT)\s*\[\s*"([^"]*)"\s*,\s*([0-9.eE+-]+)')
 VERTICAL = re.compile(r"\bVERT(?:_CS|CRS|ICALCRS)\s*\[")
-HEAD = struct.Struct("<2x16sHH32x")
+HEAD, EXTENDED_HEAD = struct.Struct("<2x16sHH32x"), struct.Struct("<2x16sHQ32x")
+"""Of a variable-length record ahead of the points, and of one behind them, where LAS 1.4 may have the WKT."""
+MOST_BYTES = 1 << 20
+"""Of a record that is read: a WKT has thousands; a record behind the points may be as long as a file."""
 
 
-def metres_per_unit(records: bytes, count: int) -> np.ndarray:
-    """(3,) metres in a unit of x, y and z, from the `count` variable-length records of a file; ones where they don't say."""
-    found: dict[str, float] = {}
-    place = 0
+def system_records(
+    file: BinaryIO, start: int, count: int, head: struct.Struct = HEAD, end: int | None = None
+) -> Iterator[tuple[int, bytes]]:
+    """The numbers and contents of those of `count` records from byte `start` on that say what the coordinates are. end: where records end
+    at the latest, that of the file unless given."""
+    end = file.seek(0, os.SEEK_END) if end is None else end
     for _ in range(count):
-        if place + HEAD.size > len(records):
+        if start + head.size > end:
             break
-        user, record, length = HEAD.unpack_from(records, place)
-        content = records[place + HEAD.size : place + HEAD.size + length]
-        place += HEAD.size + length
-        if user.rstrip(b"\0") != USER:
-            continue
+        file.seek(start)
+        user, record, length = head.unpack(file.read(head.size))
+        start += head.size
+        if user.rstrip(b"\0") == USER:
+            yield record, file.read(max(min(length, MOST_BYTES, end - start), 0))
+        start += length
+
+
+def metres_per_unit(records: Iterable[tuple[int, bytes]]) -> np.ndarray:
+    """(3,) metres in a unit of x, y and z, from the `system_records` of a file; ones where they don't say."""
+    found: dict[str, float] = {}
+    for record, content in records:
         if record == GEO_KEYS:
             found = _of_geo_keys(content) | found
         elif record == WKT:
