@@ -45,6 +45,11 @@ def test_letters_of_other_languages_end_no_line(tmp_path, said):
     np.testing.assert_array_equal(read_ply(path).points, [[1, 2, 3]])
 
 
+def test_a_comment_that_has_the_word_does_not_end_the_header(tmp_path):
+    path = written(tmp_path, f"ascii 1.0\ncomment points follow end_header\nelement vertex 1\n{XYZ}", b"1 2 3\n")
+    np.testing.assert_array_equal(read_ply(path).points, [[1, 2, 3]])
+
+
 def test_carriage_returns(tmp_path):
     path = write_ply(tmp_path / "a.ply", encoding="ascii")
     path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))

@@ -83,9 +83,9 @@ def _header(path: Path, start: bytes) -> tuple[str, list[_Element], int]:
     """The byte order ('' for ASCII), the elements, and where the data start."""
     if not start.startswith((b"ply\n", b"ply\r")):
         raise InputError(f"{path}: expected a PLY file, which starts with 'ply'")
-    end = start.find(b"end_header")
+    end = start.find(b"\nend_header") + 1  # a comment may have the word, too
     stop = start.find(b"\n", end)
-    if end < 0 or stop < 0:
+    if not end or stop < 0:
         raise InputError(f"{path}: truncated; expected end_header within {MAX_HEADER} bytes")
     order, elements = None, []
     for line in start[:end].splitlines()[1:]:  # of text, letters of other languages are ends of lines, too
