@@ -100,6 +100,12 @@ def test_a_viewpoint_and_gaps_without_count(tmp_path):
     np.testing.assert_array_equal(found.origins, [4, 5, 1e-5])
 
 
+def test_files_of_something_else(tmp_path):
+    (tmp_path / "a.pcd").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(100))
+    with pytest.raises(InputError, match="a.pcd: expected a PCD file's header, found no line FIELDS, SIZE, TYPE, WIDTH, POINTS$"):
+        read_pcd(tmp_path / "a.pcd")
+
+
 PACKED = {"DATA": "binary_compressed"}
 
 
@@ -117,7 +123,7 @@ PACKED = {"DATA": "binary_compressed"}
         (b"1 2 3\n4 5 6\n", {"TYPE": "F F S"}, "can't be read as a PCD file"),
         (b"1 2 3\n4 5 6\n", {"VIEWPOINT": "0 0"}, "can't be read as a PCD file"),
         (b"1 2 3\n4 5 6\n", {"VIEWPOINT": "nan 0 0 1 0 0 0"}, "expected a finite VIEWPOINT"),
-        (b"1 2 3\n4 5 6\n", {"WIDTH": None}, "can't be read as a PCD file"),
+        (b"1 2 3\n4 5 6\n", {"WIDTH": None}, "expected a PCD file's header, found no line WIDTH"),
         (b"1 2 3\n4 5 6\n", {"DATA": "tape"}, "can't be read as a PCD file"),
         (bytes(23), {"DATA": "binary"}, "the header's points need 24 bytes, 23 are there"),
         (bytes(23), {"DATA": "binary", "COUNT": None}, "the header's points need 24 bytes, 23 are there"),

@@ -18,6 +18,8 @@ MAX_VALUES = 1024
 """Numbers a point may have; pypcd4 makes a name for each before it looks at the data."""
 OLD_VERSIONS = {".5", "0.5", ".6", "0.6"}
 """Read like 0.7: the lines that files of these may lack, COUNT and VIEWPOINT, have defaults. pypcd4 knows 0.7 alone."""
+NEEDED = ("FIELDS", "SIZE", "TYPE", "WIDTH", "POINTS")
+"""Lines of a header without which there is no cloud."""
 PLAIN_NAME = re.compile(r"[\w.-]+", re.ASCII)
 DEFAULT_VIEWPOINT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 NO_VIEWPOINTS = (DEFAULT_VIEWPOINT, (0.0,) * 7)
@@ -37,6 +39,9 @@ def read_pcd(path: str | os.PathLike) -> FilePoints:
             lines, is_plain = _header_lines(file)
             if not lines:
                 raise InputError(f"{path}: expected a PCD file's header, found nothing")
+            keywords = {line.split()[0].upper() for line in lines}
+            if missing := [keyword for keyword in NEEDED if keyword not in keywords]:
+                raise InputError(f"{path}: expected a PCD file's header, found no line {', '.join(missing)}")
             mended, start = _as_new(lines), file.tell()
             header = pypcd4.MetaData.parse_header(mended)
             names = _check(path, file, header)
