@@ -4,6 +4,7 @@ import json
 import os
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
@@ -33,6 +34,17 @@ def test_an_error_of_writing_names_the_file(error, said, tmp_path):
     with pytest.raises(OSError) as raised, atomic(path):  # noqa: PT011 (its message is what is tested)
         raise error
     assert str(raised.value) == said.format(path) and list(tmp_path.iterdir()) == []
+
+
+def test_an_error_about_the_temporary_file_names_the_file(tmp_path, monkeypatch):
+    def refused(temporary, **how):
+        raise PermissionError(errno.EACCES, "Permission denied", str(temporary))
+
+    monkeypatch.setattr(Path, "touch", refused)
+    monkeypatch.setattr(Path, "unlink", refused)  # as of a disk that can't be written
+    with pytest.raises(PermissionError) as raised, atomic(tmp_path / "grids.npy"):
+        pass
+    assert raised.value.filename == str(tmp_path / "grids.npy")
 
 
 def test_what_is_no_object_in_a_file_is_none(tmp_path):
