@@ -41,6 +41,10 @@ def wkt(text):
             [0.3048006096012192] * 2 + [1],
         ),
         ([wkt(f'COMPD_CS["c",PROJCS["p",{DEGREES},UNIT["metre",1]],VERT_CS["v",{US}]]')], [1, 1, 0.3048006096012192]),
+        (
+            [wkt(f'PROJCS["p",{DEGREES},UNIT["Meter",1.0]],VERTCS["v",VDATUM["d"],UNIT["Foot_US",0.3048006096012192]]')],
+            [1, 1, 0.3048006096012192],
+        ),
         ([wkt('PROJCRS["p",CS[Cartesian,2],AXIS["x",east],LENGTHUNIT["foot", 0.3048]]')], [FOOT] * 3),
         ([wkt("PROJCS[")], [1, 1, 1]),
         ([geo_keys((3076, 0, 1, 9002))[:60]], [1, 1, 1]),  # cut off

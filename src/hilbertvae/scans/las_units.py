@@ -17,7 +17,8 @@ LINEAR_UNITS, VERTICAL_UNITS = 3076, 4099
 METRES = {9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937}
 """By EPSG's code: metre, foot, US survey foot; others are rare, and count as metres."""
 UNIT = re.compile(r'(?:LENGTHUNIT|UNIT)\s*\[\s*"([^"]*)"\s*,\s*([0-9.eE+-]+)')
-VERTICAL = re.compile(r"\bVERT(?:_CS|CRS|ICALCRS)\s*\[")
+VERTICAL = re.compile(r"\bVERT(?:_CS|CS|CRS|ICALCRS)\s*\[")
+"""`VERTCS` is ESRI's."""
 HEAD, EXTENDED_HEAD = struct.Struct("<2x16sHH32x"), struct.Struct("<2x16sHQ32x")
 """Of a variable-length record ahead of the points, and of one behind them, where LAS 1.4 may have the WKT."""
 MOST_BYTES = 1 << 20
