@@ -34,6 +34,8 @@ from hilbertvae.scans.point_text import read_point_text
         ("x,y,z,\r\n1,2,3,\r\n\r\n4,5,6,\r\n", [[1, 2, 3], [4, 5, 6]]),
         ("1;2;3;\n4;5;6\n", [[1, 2, 3], [4, 5, 6]]),
         ("x,y,z\n1,2,3,\n", [[1, 2, 3]]),
+        (",x,y,z\n0,1,2,3\n1,,,\n2,4,5,6\n", [[1, 2, 3], [np.nan] * 3, [4, 5, 6]]),  # as pandas writes it
+        ("x;y;t\n1;2;3\n ; ;4;  # none\n5;6;7;\n", [[1, 2], [np.nan] * 2, [5, 6]]),
         ("x,y,z,t\n1,2,3,4\n,,,\n , , , \n5,6,7,8\n,,,,\n", [[1, 2, 3], [np.nan] * 3, [np.nan] * 3, [5, 6, 7], [np.nan] * 3]),
         ("x;y\n;\n", [[np.nan, np.nan]]),
         ("GPS time\tx\ty\tz\tintensity\n\n# a note\n100.5\t1\t2\t3\t50 # good\n", [[1, 2, 3]]),
@@ -70,6 +72,8 @@ def test_tables(tmp_path, text, expected):
         ("x,y,z\n", "expected lines of numbers, found none"),
         ("x y z\n", "expected lines of numbers, found none"),
         ("x\ty\tz\n# a note\n", "expected lines of numbers, found none"),
+        (",x,y,z\n0,1,2,3\n1,4,,\n", "can't be read as a text file of points"),
+        (",x,y,z\n0,1,2,3\n1,,4,\n", "can't be read as a text file of points"),
         ("x,y,z\n1,,3\n", "can't be read as a text file of points"),
         ("x,y,z\n1,2\n", r"line 2: expected as many columns as its first line names, 3 \(x y z\), the row has 2"),
         ("x,y,z\n1,0.5,0.6,0.7\n", r"line 2: expected as many columns as its first line names, 3 \(x y z\), the row has 4"),

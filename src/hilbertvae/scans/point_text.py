@@ -39,7 +39,8 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
     beside them. Names may have spaces in them where tabs, commas or semicolons stand between. So does
     the last comment ahead of the numbers, if it has a word for each column and x and y among them, as numpy and CloudCompare write it.
     Other lines that start with # or // are passed over, and so is a first line with the count of points, of which there may not be fewer.
-    Rows may end in a delimiter. `nan` is a beam without a return, as is a row of delimiters alone. Raises `InputError` for anything else.
+    Rows may end in a delimiter. `nan` is a beam without a return, as is a row of delimiters alone, and one of named
+    columns whose coordinates are empty. Raises `InputError` for anything else.
     """
     path = Path(path)
     with reading(path, "a text file of points"), open(path, "rb") as file:
@@ -72,7 +73,7 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
         if table is None:
             file.seek(start)
             lines = file if columns is None else _checked(path, file, delimiter, fields, above)
-            lines = lines if delimiter is None else (_filled(line, delimiter.encode(), len(fields)) for line in lines)
+            lines = lines if delimiter is None else (_filled(line, delimiter.encode(), len(fields), columns) for line in lines)
             table = number_table(lines, delimiter, columns)
         if not len(table):
             raise NoRows(f"{path}: expected lines of numbers, found none")
@@ -158,12 +159,15 @@ def _has_columns(file, delimiter: str | None, count: int) -> bool:
     return True
 
 
-def _filled(line: bytes, delimiter: bytes, columns: int) -> bytes:
-    """A row as numpy takes it. Spreadsheets end rows with a delimiter, which would be one more column, and tables leave NaN empty; a row
-    that is empty in part is a damaged one."""
+def _filled(line: bytes, delimiter: bytes, count: int, columns: Sequence[int] | None) -> bytes:
+    """A row as numpy takes it. Spreadsheets end rows with a delimiter, which would be one more column, and tables leave NaN empty, of
+    named columns beside a number or a time of the row; one with a part of its coordinates is a damaged one."""
     line = line.strip(MARGIN)
     if line.startswith(delimiter) and not line.strip(delimiter + b" \t"):
-        return delimiter.join([b"nan"] * columns)
+        return delimiter.join([b"nan"] * count)
+    row = [] if columns is None else _without_comment(line).split(delimiter)
+    if columns and len(row) >= count and not any(row[place].strip() for place in columns):
+        return delimiter.join([b"nan"] * count)
     return line.removesuffix(delimiter)
 
 
