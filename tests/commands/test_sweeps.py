@@ -292,6 +292,6 @@ def test_two_processes_train_one_network(tmp_path):
         folder = tmp_path / f"outputs/debug/ablation-quick/{case}-seed0"
         result, about = read_result(folder / "result.json")
         assert not result.failed and about["config"]["trainer"]["devices"] == 2
-        assert sorted(path.name for path in (folder / "checkpoints").glob("*.ckpt")) == ["best.ckpt", "last.ckpt"]
+        assert sorted(path.name for path in (folder / "checkpoints").iterdir()) == ["best.ckpt", "last.ckpt"]
     assert read_result(tmp_path / "outputs/debug/ablation-quick/weights-unit-seed0/result.json")[0].scores
     assert not (tmp_path / "outputs/debug/ablation-quick/result.json").exists()

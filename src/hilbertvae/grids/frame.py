@@ -22,6 +22,9 @@ SPREAD_DEG = np.array([0.0, 22.5, 45.0, 67.5])
 """A quarter turn is one of the symmetries that networks are trained with."""
 SPREAD_M = 1.0
 """Side of the squares whose seeds have one angle."""
+MARGIN = 4e-6
+"""By which a box is larger than its cluster: more than cells reach over its upper side (`aligned_grid.SLACK`), else the farthest return
+would be in the cell after the last."""
 AT_ONCE = 256
 """Clusters whose points lie in memory at a time: those of a drive's would be gigabytes."""
 
@@ -183,8 +186,7 @@ def _extent(clusters: Clusters, returns: np.ndarray, centre: np.ndarray, rotatio
     turned = Frames(centre, rotation, np.ones(len(clusters))).into(returns[clusters.members], segment)
     reach = np.zeros(len(clusters))
     np.maximum.at(reach, segment, np.abs(turned).max(axis=1))
-    # By more than cells reach over a box's upper side (`aligned_grid.SLACK`), else the farthest return would be in the cell after the last.
-    return np.maximum(2 * reach * (1 + 4e-6), 1e-3)
+    return np.maximum(2 * reach * (1 + MARGIN), 1e-3)
 
 
 CENTRES = {"seed": _seed, "median": _median}

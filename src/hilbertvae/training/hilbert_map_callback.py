@@ -50,12 +50,13 @@ class HilbertMapCallback(L.Callback):
         if torch.cuda.is_available():
             torch.cuda.empty_cache()  # else what the training held is kept from the processes that fill maps
         mapper = HilbertMap(reconstructor, flips=settings.flips, device=filling_device(settings))
-        kept = KeptWeights(settings, mapper)
-        learned, self.before["weights"] = kept.take() or (None, 0.0)
+        kept = None if self.kept else KeptWeights(settings, mapper)  # a kept network has its weights with it
+        learned, self.before["weights"] = (kept and kept.take()) or (None, 0.0)
         if not learned:
             sites = [opened_site(reference, settings) for reference in settings.calibration_sites()]
             learned = learn_rank_weights(mapper, sites, **settings.calibration())
-            kept.keep(learned, self._until_now("weights"))
+            if kept:
+                kept.keep(learned, self._until_now("weights"))
         self._lap("weights")
         reconstructor.map_weights, reconstructor.seconds = learned, self.seconds
         reconstructor.save(self.checkpoint)
