@@ -29,14 +29,15 @@ from hilbertvae.exports.page import write_page
 from hilbertvae.exports.summary import map_summary, point_counts, summary_tables
 from hilbertvae.files import write_json
 from hilbertvae.map_settings import MapSettings
-from hilbertvae.mappers.given_map import GivenMap, is_given_map, read_given_map, warn_of_moved_walls
+from hilbertvae.mappers.given_map import ROS_MAPS, GivenMap, is_given_map, read_given_map, warn_of_moved_walls
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.loading import load_mapper
+from hilbertvae.mappers.octomap_mapper import OCTREES
 from hilbertvae.mappers.saved_map import ADAPTED, MAP, save_map
 from hilbertvae.mappers.weights import check_calibration
 from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.reports.provenance import made_by
-from hilbertvae.scans.formats import ReadingSettings, read_scans_path
+from hilbertvae.scans.formats import EXTENSIONS, ReadingSettings, read_scans_path
 from hilbertvae.scans.kitti import VELODYNE
 from hilbertvae.scans.planar import as_plan
 from hilbertvae.scans.scan import Scans
@@ -130,6 +131,10 @@ def _read(settings: MapSettings) -> Scans | GivenMap:
         if given:
             raise InputError(f"{given[0]}: {settings.scans} is a map, where this has no meaning; leave it unset")
         return read_given_map(settings.scans)
+    path = Path(settings.scans)
+    if path.is_file() and not path.name.lower().endswith(EXTENSIONS):
+        known = f"of scans {' '.join(EXTENSIONS)}, of maps {' '.join((*ROS_MAPS, *OCTREES))}"
+        raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {known}, and folders of scans")
     scans = read_scans_path(settings.scans, settings.reading())
     if not len(scans):
         raise InputError(f"{settings.scans}: expected returns, found none; are all ranges beyond max_range_m, or no returns?")

@@ -59,6 +59,8 @@ def test_3d_scans_without_poses_name_the_way_out(box, tmp_path, capsys):
         (["scans=???"], "???"),
         (["scans=[/2020]/x"], "[/2020]/x"),
         (["scans=reading.d"], "reading.d"),
+        (["scans=house.dwg"], "house.dwg: unknown extension '.dwg'; known are of scans .log .log.gz"),
+        (["scans=house.dwg"], "of maps .yaml .yml .pgm .ot .bt, and folders of scans"),
         (["scans=room.npz", "calibration=pixels"], "calibration: expected voxels or points, got 'pixels'"),
         (["scans=room.npz", "every=often"], "every: expected int"),
         (["scans=room.yaml", "max_range_m=3"], "max_range_m: room.yaml is a map"),
@@ -70,6 +72,7 @@ def test_what_is_wrong_is_said_and_leaves_nothing(words, said, room, tmp_path, m
     npz_of(room, tmp_path / "room.npz")
     (tmp_path / "drive").mkdir()
     npz_of(room, tmp_path / "drive" / "0.npz")
+    (tmp_path / "house.dwg").touch()
     (tmp_path / "broken.npz").write_bytes((tmp_path / "room.npz").read_bytes()[:300])
     monkeypatch.chdir(tmp_path)
     assert map_command.main([*words, "output=out"]) == 2

@@ -90,3 +90,12 @@ def test_a_run_that_is_scored_again_shows_its_new_scores_alone_beside_its_curves
         assert len(events.Scalars(f"score/{name}/nearest/voxels/gaps/auc")) == 1
     assert len(events.Scalars("headline/gaps_voxels_auc")) == 1
     assert not [tag for tag in events.Tags()["scalars"] if "/gone/" in tag]
+
+
+def test_gaps_in_which_no_voxel_lies_have_no_reliability_to_be_shown(tmp_path):
+    site, mappers = room(), {"nearest": NearestMapper()}
+    result = evaluate_all(mappers, site, Protocol([0], cluster_size_m=2.0, gap_ratio=0.06, occlusion=False))
+    assert result.scores["nearest"]["voxels"]["gaps"]["count"] == [0]
+    Report(tmp_path, {"name": "run"})(result, site, mappers)
+    pictures = {path.stem for path in (tmp_path / "pictures").glob("*.png")}
+    assert "gaps" in pictures and "reliability" not in pictures

@@ -146,8 +146,9 @@ class Report:
             if ours and telling and len(fitted[ours].frames_):
                 figures["uncertainty"] = uncertainty_picture(fitted[ours], site, gaps, telling)
             inside = site.voxels.select(gaps.part(site.voxels.points) == INSIDE)
-            answers = {name: (inside.occupied, m.predict_proba(inside.points)[:, 1]) for name, m in fitted.items()}
-            figures["reliability"] = reliability_picture(answers, f"{site.name}, voxels in gaps")
+            if len(inside):
+                answers = {name: (inside.occupied, m.predict_proba(inside.points)[:, 1]) for name, m in fitted.items()}
+                figures["reliability"] = reliability_picture(answers, f"{site.name}, voxels in gaps")
         if ours:
             figures |= _network_figures(fitted[ours], site, gaps)
         return figures, surface
