@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import torch
 from hilbert_map_toys import fit, gapped, reconstructor
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
@@ -83,6 +84,16 @@ def bad_clouds():
 def test_bad_clouds_are_named(cloud, message):
     with pytest.raises(InputError, match=message):
         HilbertMap(reconstructor()).fit(*cloud)
+
+
+def test_points_with_a_gradient_are_refused_as_torch_says():
+    points, occupied = torch.rand(60, 2, requires_grad=True), np.arange(60) % 2 == 0
+    with pytest.raises(InputError, match=r"points, y, sample_weight: Can't call numpy"):
+        HilbertMap(grid=tiny_grid()).fit(points, occupied)
+    mapper = HilbertMap(grid=tiny_grid()).fit(points.detach(), occupied)
+    for ask in (mapper.predict_proba, mapper.observed):
+        with pytest.raises(InputError, match="queries: Can't call numpy"):
+            ask(points)
 
 
 @pytest.mark.parametrize(

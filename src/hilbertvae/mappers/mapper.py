@@ -29,6 +29,8 @@ ROUNDING = 1e-9
 FARTHEST_M = 1e100
 """Queries farther out are asked there: the square of a longer distance would be no number, and everything is as far away. Points that a
 map is made of may not lie there."""
+REFUSED = (ValueError, RuntimeError)
+"""What scikit-learn and, of tensors that have a gradient, torch raise for arrays that are no points."""
 
 
 def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.ndarray, chunk: int, columns: int | None = None) -> np.ndarray:
@@ -49,7 +51,7 @@ def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.nda
     return answers
 
 
-def _plain(error: ValueError) -> str:
+def _plain(error: ValueError | RuntimeError) -> str:
     """What scikit-learn says of arrays, but of NaN and inf the first line alone: the others advise other estimators."""
     first = str(error).partition("\n")[0]
     return first if "contains" in first else str(error)
@@ -202,7 +204,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
             points, y = validate_data(self, points, y, dtype=np.float64, reset=first)
             check_classification_targets(y)
             weight = _check_sample_weight(sample_weight, points, dtype=np.float64, ensure_non_negative=True)
-        except ValueError as error:
+        except REFUSED as error:
             raise InputError(f"points, y, sample_weight: {_plain(error)}") from error
         counts = weight > 0
         if not counts.any():
@@ -219,7 +221,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
         refuse_masked(queries, "queries")
         try:
             queries = validate_data(self, queries, reset=False, dtype=np.float64, ensure_min_samples=0)
-        except ValueError as error:
+        except REFUSED as error:
             raise InputError(f"queries: {_plain(error)}") from error
         return np.clip(queries, -FARTHEST_M, FARTHEST_M)
 
