@@ -145,12 +145,17 @@ def test_a_site_that_a_jobs_last_run_did_not_score_is_no_row(tmp_path):
     assert "- left out: a-seed0/annex, which is of another run than its job" in sweep.troubles()
 
 
-def test_one_network_is_one_training_however_often_it_is_scored(tmp_path):
-    """`checkpoint=... seed=0,1,2` scores one training three times, and networks of three trainings may all be scored with `seed=0`."""
-    given = {"config": {"checkpoint": "a.safetensors"}, "case": "a"}
+@pytest.mark.parametrize(
+    ("config", "about"),
+    [({"checkpoint": "a.safetensors"}, {}), ({"mapper": {"cvae-hm": {"reconstructor": "a.safetensors"}}}, {"card": {"epoch": 3}})],
+)
+def test_one_network_is_one_training_however_often_it_is_scored(tmp_path, config, about):
+    """`checkpoint=... seed=0,1,2`, or a network that mappers name, scores one training three times, and networks of three trainings may all
+    be scored with `seed=0`."""
+    given = {"config": config, "case": "a"}
     for seed in (0, 1):
-        put(tmp_path / "once", f"a-seed{seed}", {"nearest": [0.1, 0.2]}, seed=seed, about={"seeds": {"training": 7}}, **given)
-        put(tmp_path / "twice", f"a-seed{seed}", {"nearest": [0.1, 0.2]}, seed=0, about={"seeds": {"training": seed}}, **given)
+        put(tmp_path / "once", f"a-seed{seed}", {"nearest": [0.1, 0.2]}, seed=seed, about=about | {"seeds": {"training": 7}}, **given)
+        put(tmp_path / "twice", f"a-seed{seed}", {"nearest": [0.1, 0.2]}, seed=0, about=about | {"seeds": {"training": seed}}, **given)
     with pytest.raises(InputError, match="a-seed1/result.json: seeds.training: 7 of the same row is also in .*a-seed0"):
         grouped(read_sweep(tmp_path / "once", "table1").runs, lambda run: run.case)
     assert grouped(read_sweep(tmp_path / "twice", "table1").runs, lambda run: run.case)["a"].keys() == {0, 1}

@@ -207,7 +207,7 @@ def _run(path: Path, name: str) -> Run:
     match = JOB.fullmatch(name.split("/")[0])
     case = about["config"].get("case") or case_of(name.split("/")[0])
     seed = about["config"].get("seed", int(match["seed"]) if match else None)
-    if about["config"].get("checkpoint"):  # the network's own: one that is scored three times was trained once
+    if is_given(about):  # the network's own: one that is scored three times was trained once
         seed = _below(about, "seeds.training", seed)
     if result.scores:  # of a job that broke, settings may never have been found
         if not isinstance(case, str):
@@ -215,6 +215,11 @@ def _run(path: Path, name: str) -> Run:
         if not isinstance(seed, int) or isinstance(seed, bool):
             raise InputError(f"{path}: config.seed: expected a whole number, got {seed!r:.60}")
     return Run(name, str(case), seed, path, result, about)
+
+
+def is_given(about: dict) -> bool:
+    """Whether a run scored a network that another one trained, its `checkpoint` or the one that its mappers name, which has a card."""
+    return bool(about["config"].get("checkpoint") or about.get("card"))
 
 
 def _below(node: Any, key: str, default: Any) -> Any:
@@ -232,8 +237,8 @@ def grouped(runs: Iterable[Run], key: Callable[[Run], Hashable]) -> dict[Any, di
     for run in runs:
         group = groups.setdefault(key(run), {})
         if run.seed in group:
-            key = "seeds.training" if run.config("checkpoint") else "config.seed"
-            raise InputError(f"{run.path}: {key}: {run.seed} of the same row is also in {group[run.seed].path}")
+            seed = "seeds.training" if is_given(run.about) else "config.seed"
+            raise InputError(f"{run.path}: {seed}: {run.seed} of the same row is also in {group[run.seed].path}")
         if group:
             check_same_recipe(run, next(iter(group.values())))
         group[run.seed] = run
