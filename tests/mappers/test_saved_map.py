@@ -159,6 +159,9 @@ def test_what_cannot_be_saved(tmp_path, room):
         save_map(fit(NearestMapper(), room.fit), tmp_path / "site.map")
     with pytest.raises(ValueError, match="not fitted"):
         save_map(HilbertMap(), tmp_path / "site.map")
+    for name in ("site.ot", "site.BT"):  # load_map would take it for an OctoMap's
+        with pytest.raises(InputError, match=f"{name}: expected a name that does not end in .ot or .bt"):
+            save_map(fit(HilbertMap(), room.fit), tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -41,8 +41,10 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
     It holds grids and evidence, and not the network, of which a fingerprint is enough for those that come with the package. One that
     learned from the site (`adapt_steps`) is not: `mapper.adapted_.save(path)` keeps it, for a map that is to grow later, and `load_map`
     finds it if it is `adapted.safetensors` beside the map. What the cells of grids hold is packed. Raises `InputError` for any other
-    mapper.
+    mapper, and for a name that ends as an OctoMap's does.
     """
+    if Path(path).suffix.lower() in OCTREES:  # which `load_map` would take it for
+        raise InputError(f"{path}: expected a name that does not end in {' or '.join(OCTREES)}, as OctoMap's files do")
     if not isinstance(mapper, HilbertMap):
         raise InputError(f"{path}: expected a HilbertMap to save, got {type(mapper).__name__}")
     check_is_fitted(mapper)
