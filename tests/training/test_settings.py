@@ -110,6 +110,14 @@ def test_spellings_of_a_path_are_one_site(tmp_path, monkeypatch):
         replace(good(), data=data).check()
 
 
+def test_a_network_that_is_given_may_be_scored_where_others_are_trained():
+    """What it was trained on its card says (`check_unseen`)."""
+    data = DataSettings(train=["fr079"], simulated=3, validate="simulated:2", test=["simulated:0"])
+    Settings(data=data, checkpoint="2d").check()
+    with pytest.raises(InputError, match="data.test: simulated:2 is also trained or validated on"):
+        Settings(data=replace(data, test=["simulated:2"]), checkpoint="2d").check()
+
+
 def test_test_sites_of_one_name_would_overwrite_each_other():
     data = DataSettings(train=["fr079"], validate="csail", test=["a/00", "b/00"])
     with pytest.raises(InputError, match="data.test: expected sites of different names"):

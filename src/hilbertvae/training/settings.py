@@ -227,7 +227,8 @@ class Settings:
         self.trainer.check()
         if self.task == "clustering" and self.study.cloud == "returns" and not self.data.test:
             raise InputError("data.test: expected a site whose returns are clustered, got none")
-        check_roles([*self.data.train, *self.simulated_sites()], self.data.validate, self.data.test, self.data.calibrate)
+        trained = [] if self.checkpoint else [*self.data.train, *self.simulated_sites()]  # of a network that is given its card says on what
+        check_roles(trained, self.data.validate, self.data.test, self.data.calibrate)
         if self.data.train:
             check_count(self.clustering.clusterings, "clustering.clusterings")
         check_seeds(self.calibration_seeds, "calibration_seeds")
