@@ -12,7 +12,6 @@ from lightning.pytorch.plugins.io import TorchCheckpointIO
 from hilbertvae.files import atomic
 from hilbertvae.reconstruction.precision import device_name
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reports.provenance import made_by
 from hilbertvae.training.devices import training_device
 from hilbertvae.training.learned_as import KEY, learned_as
 from hilbertvae.training.settings import Settings
@@ -50,7 +49,7 @@ class PatienceOnce(EarlyStopping):
 
 
 def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) -> Reconstructor:
-    """The network of a run with the weights of the checkpoint at `path`, and a card that says what it was trained on, by what."""
+    """The network of a run with the weights of the checkpoint at `path`, and a card that says what it was trained on."""
     saved = torch.load(path, map_location="cpu", weights_only=True)
     weights = {key.removeprefix("network."): value for key, value in saved["state_dict"].items() if key.startswith("network.")}
     network = network.to("cpu")
@@ -66,7 +65,6 @@ def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) 
         "seed": settings.seed,
         "training_hash": training_hash(settings),
         "recipe_hash": recipe_hash(settings, before),
-        **made_by(),
         **({"trained_on_sha256": contents} if (contents := own_sites(settings.data.train)) else {}),
         **({"trained_by": device_name(device)} if (device := training_device(settings)) != "cpu" else {}),
         **({"started_from": before} if before else {}),

@@ -12,6 +12,7 @@ import torch
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reports.hparams import write_hparams
+from hilbertvae.reports.provenance import made_by
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.training.checkpoints import best_reconstructor
 from hilbertvae.training.devices import filling_device
@@ -29,6 +30,7 @@ class HilbertMapCallback(L.Callback):
         self.settings, self.mappers, self.write, self.kept = settings, mappers, write, kept
         self.checkpoint = Path(settings.output) / "model.safetensors"
         self.seconds, self.before = {}, {}
+        self.made_by = made_by()  # now: the tree may change while the network trains
         self.scoring = False
         self.since = time.perf_counter()
 
@@ -47,6 +49,7 @@ class HilbertMapCallback(L.Callback):
             return
         settings = self.settings
         reconstructor = best_reconstructor(settings, module.network, trainer.checkpoint_callback.best_model_path)
+        reconstructor.card.update(self.made_by)
         if torch.cuda.is_available():
             torch.cuda.empty_cache()  # else what the training held is kept from the processes that fill maps
         mapper = HilbertMap(reconstructor, flips=settings.flips, device=filling_device(settings))
