@@ -11,7 +11,7 @@ import hilbertvae
 from hilbertvae.clusters.comparison import study, study_clouds
 from hilbertvae.files import json_object, write_json
 from hilbertvae.reports.provenance import provenance
-from hilbertvae.reports.run_state import RUN
+from hilbertvae.reports.run_state import RUN, finite
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.tables.clustering import NAME, SCHEMA_VERSION
 from hilbertvae.training.settings import Settings
@@ -44,7 +44,8 @@ def run_clustering(settings: Settings, again: bool = True) -> int:
 def write_clustering_failure(folder: str | Path, config: dict, error: BaseException) -> None:
     """`clustering.json` with status `failed`, for a study that broke."""
     why = {RUN: f"{type(error).__name__}: {error}"}
-    write_json(Path(folder) / NAME, {"schema_version": SCHEMA_VERSION, "status": "failed", "failed": why, "rows": [], **provenance(config)})
+    about = provenance(finite(config))  # the value that was refused may be one that JSON has no word for
+    write_json(Path(folder) / NAME, {"schema_version": SCHEMA_VERSION, "status": "failed", "failed": why, "rows": [], **about})
 
 
 def has_study(folder: str | Path) -> bool:

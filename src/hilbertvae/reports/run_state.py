@@ -96,7 +96,7 @@ def clear(folder: str | Path) -> None:
 
 def write_failure(folder: str | Path, config: dict, error: BaseException) -> Path:
     """`result.json` with status `failed`, for a run that broke. config: plain containers, as far as they are known."""
-    config = _finite(config)  # the value that was refused may be one that JSON has no word for
+    config = finite(config)  # the value that was refused may be one that JSON has no word for
     evaluation, sites = config.get("evaluation") or {}, (config.get("data") or {}).get("test") or [""]
     diameter = float(evaluation.get("gap_ratio") or 0) * float(evaluation.get("cluster_size_m") or 0)
     broken = Result(
@@ -128,10 +128,10 @@ def refusal(folder: str | Path) -> str | None:
     return path.read_text(encoding="utf-8").strip() if path.exists() else None
 
 
-def _finite(node):
+def finite(node):
     """Plain containers with NaN and infinite numbers as text."""
     if isinstance(node, dict):
-        return {key: _finite(value) for key, value in node.items()}
+        return {key: finite(value) for key, value in node.items()}
     if isinstance(node, list):
-        return [_finite(value) for value in node]
+        return [finite(value) for value in node]
     return str(node) if isinstance(node, float) and not math.isfinite(node) else node
