@@ -226,6 +226,14 @@ def which_network() -> dict[str, tuple[str, str]]:
     return found
 
 
+def test_results_say_of_each_folder_which_code_scored_it():
+    known, made = which_network(), {}
+    for file in ROOT.glob("docs/results/**/result.json"):
+        folder = file.parents[1] if (file.parents[1] / "sweep.json").is_file() else file.parent
+        made.setdefault(folder.relative_to(ROOT / "docs/results").as_posix(), set()).add(read_result(file)[1]["git"]["commit"][:7])
+    assert {folder: {commit} for folder, (commit, _) in known.items() if folder in made} == made
+
+
 def test_results_of_a_network_that_has_since_been_trained_on_say_so():
     for folder, (_, note) in which_network().items():
         file = ROOT / f"docs/results/{folder}/result.json"
