@@ -10,7 +10,7 @@ from sklearn.exceptions import NotFittedError
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.mappers.hilbert_map import HilbertMap
-from toy_rooms import tiny_grid
+from toy_rooms import tiny_grid, tiny_reconstructor
 
 
 def test_weights_learned_by_another_version_are_named(room):
@@ -175,6 +175,18 @@ def test_a_seed_that_is_no_whole_number(room, seed):
 def test_a_grid_that_is_none(room):
     with pytest.raises(InputError, match="grid: expected GridSettings or None, got 3"):
         fit(HilbertMap(grid=3), gapped(room))
+
+
+def test_a_grid_that_the_network_cannot_complete(room):
+    made = tiny_reconstructor(bottom="flat", skips=False)
+    for network, cells, expected in (
+        (reconstructor(), 18, "a multiple of 4"),
+        (made, 18, "a multiple of 4"),
+        (made, 20, "16, as the network"),
+    ):
+        with pytest.raises(InputError, match=f"grid.cells: expected {expected}.*, got {cells}"):
+            fit(HilbertMap(network, grid=tiny_grid(cells=cells)), gapped(room))
+    assert fit(HilbertMap(reconstructor(), grid=tiny_grid(cells=20)), gapped(room)).grids_.shape[1:] == (20, 20)
 
 
 @pytest.mark.parametrize("setting", ["evidence", "fill"])

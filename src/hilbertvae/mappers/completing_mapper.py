@@ -101,6 +101,8 @@ class CompletingMapper(Mapper):
         if self.inner_radius_m is not None:
             grid = replace(grid, inner_radius_m=self.inner_radius_m)
         grid.check()
+        if self.reconstructor and grid.cells != self.reconstructor.grid.cells:
+            self.reconstructor.check_cells(grid.cells)
         return replace(grid, interpolated=grid.read_between_cells(self.calibration))
 
     @property

@@ -97,6 +97,13 @@ class Reconstructor:
                     progress(min(start + batch, len(grids)), len(grids))
         return Completion(value, known)
 
+    def check_cells(self, cells: int) -> None:
+        """An `InputError` for grids of so many cells along an axis, where the network can't complete them."""
+        with torch.device("meta"):  # shapes alone
+            wanted = build_network(self.network_settings, self.dimension, cells).state_dict()
+        if any(wanted[name].shape != tensor.shape for name, tensor in self.network.state_dict().items()):
+            raise InputError(f"grid.cells: expected {self.grid.cells}, as the network has learned it, got {cells}")
+
     def reconstruct(self, grids: np.ndarray, flips: int = 4) -> np.ndarray:
         """float32 kernel values (M, n, ..., n): those of `complete`, alone."""
         return self.complete(grids, flips).value.astype(np.float32)

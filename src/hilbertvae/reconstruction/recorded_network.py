@@ -70,6 +70,10 @@ class RecordedNetwork:
     def detailed(self) -> bool:
         return self.found.detailed
 
+    def check_cells(self, cells: int) -> None:
+        """As `Reconstructor.check_cells`."""
+        self.found.check_cells(cells)
+
     def complete(self, grids: np.ndarray, *how, **named) -> Completion:
         """As `Reconstructor.complete`."""
         return self.found.complete(grids, *how, **named)
