@@ -1,10 +1,12 @@
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from training_toys import TRAINER, tiny_settings
 
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.training.settings import Settings
 from hilbertvae.training.training_hash import recipe_hash, training_hash
 from toy_rooms import carmen_line, write_log
 
@@ -40,3 +42,18 @@ def test_the_hash_of_a_training_sees_what_a_path_holds(tmp_path):
     assert training_hash(settings) == first
     write_log(log, [carmen_line(np.full(180, 3.0), [0, 0, 0])])
     assert training_hash(settings) != first
+
+
+def test_the_hash_of_a_training_does_not_see_where_its_scans_lie(tmp_path):
+    """A run that was copied to another machine with its scans goes on there."""
+
+    def settings_in(folder: Path) -> Settings:
+        sites = {name: str(write_log(folder / f"{name}.log", [carmen_line(np.full(180, 2.0), [x, 0, 0])])) for x, name in enumerate("abc")}
+        settings = tiny_settings(tmp_path / "run", tmp_path / "cache")
+        return replace(settings, data=replace(settings.data, train=[sites["a"]], validate=sites["b"], calibrate=[sites["c"]]))
+
+    (tmp_path / "copied").mkdir()
+    here, there = map(settings_in, (tmp_path, tmp_path / "copied"))
+    assert training_hash(here) == training_hash(there) and recipe_hash(here, None) == recipe_hash(there, None)
+    swapped = replace(here, data=replace(here.data, train=[here.data.validate], validate=here.data.train[0]))
+    assert training_hash(swapped) != training_hash(here)

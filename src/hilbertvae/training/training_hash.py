@@ -8,6 +8,7 @@ from pathlib import Path
 
 from hilbertvae.files import hash_of, path_sha256
 from hilbertvae.scans.formats import is_scan_path
+from hilbertvae.site import site_name
 from hilbertvae.training.plain_settings import plain_settings
 from hilbertvae.training.settings import Settings
 
@@ -62,14 +63,14 @@ def recipe_hash(settings: Settings, started_from: dict | None) -> str:
 def _made_of(settings: Settings, initial: str | None) -> dict:
     """All settings that can change a trained network, and what lies where they say. initial: what is hashed of where it starts."""
     made_of = asdict(plain_settings(settings))
-    source = settings.source()
-    paths = [
-        site
-        for site in (*settings.data.train, settings.data.validate, *settings.data.calibrate)
-        if is_scan_path(site) and Path(site).exists()
-    ]
+    source, data = settings.source(), made_of["data"]
+    paths = [site for site in (*data["train"], data["validate"], *data["calibrate"]) if is_scan_path(site) and Path(site).exists()]
     made_of["trainer"]["initial"] = initial
     made_of["contents"] = [source.made_of(site) for site in paths]  # the same path may hold other scans when a run goes on
+    named = {site: site_name(site) for site in paths}  # and the same scans may lie elsewhere
+    for key in ("train", "calibrate"):
+        data[key] = [named.get(site, site) for site in data[key]]
+    data["validate"] = named.get(data["validate"], data["validate"])
     for key in AFTERWARDS:
         made_of.pop(key)
     for part, keys in ELSEWHERE.items():
