@@ -73,6 +73,14 @@ def test_a_network_says_how_long_it_took_wherever_it_is_used(first, tmp_path):
     assert set(found.seconds) == {"grids", "train", "weights"} and all(seconds >= 0 for seconds in found.seconds.values())
 
 
+def test_a_network_that_was_copied_without_its_seconds_is_taken(first, tmp_path):
+    _, path = first
+    place = KeptNetwork(tmp_path / "trained", "a")
+    place.path.write_bytes(path.read_bytes())
+    found = place.take(tmp_path / "model.safetensors")
+    assert found.seconds == {} and (tmp_path / "model.safetensors").read_bytes() == path.read_bytes()
+
+
 def test_whoever_comes_second_waits_and_is_given_the_network(tmp_path, first):
     _, path = first
     one, two = KeptNetwork(tmp_path, "same"), KeptNetwork(tmp_path, "same")

@@ -25,6 +25,15 @@ def test_a_simulated_site_has_one_number():
         check_roles(["simulated:7"], "csail", ["simulated:07"])
 
 
+@pytest.mark.parametrize("key", ["train", "calibrate"])
+def test_what_is_learned_from_is_given_once(key):
+    sites = {"train": ["fr079", "simulated:7"], "calibrate": ["simulated:8"]}
+    check_roles(sites["train"], "csail", [], sites["calibrate"])
+    sites[key] = ["simulated:9", *sites[key], "simulated:09"]
+    with pytest.raises(InputError, match=f"data.{key}: expected each site once, .* got simulated:9, simulated:09$"):
+        check_roles(sites["train"], "csail", [], sites["calibrate"])
+
+
 def test_a_copy_of_a_real_site_is_that_site(tmp_path, monkeypatch):
     """Whatever its name: what lies in the file decides."""
     log = tmp_path / "office.log"

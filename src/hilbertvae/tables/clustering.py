@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from hilbertvae.checks import InputError
+from hilbertvae.reports.run_state import refusal
 from hilbertvae.tables.alike import OWN
-from hilbertvae.tables.sweep import read_json, read_kind
+from hilbertvae.tables.sweep import read_json, read_kind, refusals
 
 SCHEMA_VERSION = 1
 NAME = "clustering.json"
@@ -41,12 +42,13 @@ class StartsFile:
 
 @dataclass
 class Study:
-    """All files of the sweep, and jobs without one."""
+    """All files of the sweep, and jobs without one. refused: why a job's last launch did not start, where a file of one before it lies."""
 
     size: str | None
     files: list[StartsFile]
     missing: list[str] = field(default_factory=list)
     strangers: list[str] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)
 
     @property
     def starts(self) -> list[Start]:
@@ -61,6 +63,7 @@ class Study:
         lines = [f"- missing: {job} has no {NAME}" for job in self.missing]
         for file in self.files:
             lines += [f"- failed: {file.name}, {what}: {' '.join(why.split())}" for what, why in file.failed.items()]
+        lines += refusals(self.refused)
         return lines + [f"- left out: {name}, which is no job of this sweep" for name in self.strangers]
 
 
@@ -72,7 +75,8 @@ def read_starts(folder: Path, kind: str | None = None) -> Study:
     files = [_read(path) for path in paths if path.parent.name not in strangers]
     if not files:
         raise InputError(f"{folder}: expected <job>/{NAME}, found none")
-    study = Study(size, files, sorted(set(jobs or ()) - {file.name for file in files}), strangers)
+    refused = {file.name: why for file in files if (why := refusal(folder / file.name))}
+    study = Study(size, files, sorted(set(jobs or ()) - {file.name for file in files}), strangers, refused)
     _check_together(study.measured)
     return study
 

@@ -124,9 +124,14 @@ class Sweep:
         lines = [f"- missing: {job} has no result.json" for job in self.missing]
         for run in self.runs:
             lines += [f"- failed: {run.name}, {what}: {' '.join(message.split())}" for what, message in run.result.failed.items()]
-        lines += [f"- refused at its last launch, so that its row is of an earlier one: {job}, {why}" for job, why in self.refused.items()]
+        lines += refusals(self.refused)
         lines += [f"- left out: {name}, which is no job of this sweep" for name in self.strangers]
         return lines + [f"- left out: {name}, which is of another run than its job" for name in self.older]
+
+
+def refusals(refused: dict[str, str]) -> list[str]:
+    """A line for each job whose last launch did not start, by why."""
+    return [f"- refused at its last launch, so that its row is of an earlier one: {job}, {why}" for job, why in refused.items()]
 
 
 def case_of(job: str) -> str:

@@ -30,7 +30,8 @@ class KeptNetwork:
             return None
         self.release()
         reconstructor = Reconstructor.load(self.path)
-        reconstructor.seconds = json.loads(self._seconds.read_text(encoding="utf-8"))
+        if self._seconds.exists():  # one that was copied here may have come without
+            reconstructor.seconds = json.loads(self._seconds.read_text(encoding="utf-8"))
         copy_file(self.path, copy)
         return reconstructor
 

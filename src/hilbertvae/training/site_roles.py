@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -22,7 +23,8 @@ LARGEST_BYTES = 500_000_000
 def check_roles(train: list[str], validate: str, test: list[str], calibrate: Sequence[str] = ()) -> None:
     """An `InputError` that names the key if a site plays two parts, if one of the catalogue's test sites is learned from in any way, or if
     results of two would lie in one folder. The site of `validate` may be among those of `calibrate`: neither is trained on."""
-    trained = {place(site) for site in train}
+    places = {site: place(site) for site in (*train, *calibrate)}
+    trained = {places[site] for site in train}
     for key, sites in (("data.train", train), ("data.validate", [validate]), ("data.calibrate", calibrate)):
         scored = [site for site in sites if (entry := CATALOGUE.get(place(site))) and entry.role == "test"]
         if scored:
@@ -35,6 +37,10 @@ def check_roles(train: list[str], validate: str, test: list[str], calibrate: Seq
     both = [site for site in test if place(site) in known]
     if both:
         raise InputError(f"data.test: {', '.join(both)} is also trained or validated on")
+    for key, sites in (("data.train", train), ("data.calibrate", calibrate)):
+        several = Counter(places[site] for site in sites)
+        if twice := [site for site in sites if several[places[site]] > 1]:
+            raise InputError(f"{key}: expected each site once, since one given twice would count double, got {', '.join(twice)}")
     names = [site_name(site) for site in test]
     if len(set(names)) < len(names):
         raise InputError(f"data.test: expected sites of different names, since results are kept under them, got {', '.join(names)}")
