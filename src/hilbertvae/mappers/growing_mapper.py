@@ -33,6 +33,9 @@ class GrowingMapper(CompletingMapper):
         may ask meanwhile, here or there. `classes`, the two labels that there are, free first, as scikit-learn has it, are for a first scan
         with one label alone; False and True need none. Raises `InputError` as `fit` does, for labels that the map does not know, and with
         `weights="cluster"`, which are fitted on a whole site.
+
+        Stopped while it reconstructs (Ctrl-C), a first scan is taken back, but a later one stays in the map: don't give it again; what is
+        left of its clusters is reconstructed by the next query, or by `settle`.
         """
         if self.weights == "cluster":
             raise InputError("weights: expected unit or rank for partial_fit, got 'cluster', which are fitted on a whole site")
