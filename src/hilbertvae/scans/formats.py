@@ -49,7 +49,7 @@ class ReadingSettings:
     don't, that is of the sensor's robot, and of several the one with most messages."""
     deskew: bool = True
     """Of a bag: beams are turned back one by one where its messages say when each was measured (a cloud's `t`, `time` or `timestamp`, a
-    laser's `time_increment`). Unset it for clouds that were deskewed before and still have the field."""
+    laser's `time_increment`). `deskew=off` is for clouds that were deskewed before and still have the field."""
 
 
 def is_scan_path(reference: str) -> bool:
