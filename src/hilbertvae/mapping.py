@@ -29,10 +29,9 @@ from hilbertvae.exports.page import write_page
 from hilbertvae.exports.summary import map_summary, point_counts, summary_tables
 from hilbertvae.files import write_json
 from hilbertvae.map_settings import MapSettings
-from hilbertvae.mappers.given_map import ROS_MAPS, GivenMap, is_given_map, read_given_map, warn_of_moved_walls
+from hilbertvae.mappers.given_map import MAPS, GivenMap, is_given_map, read_given_map, warn_of_moved_walls
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.loading import load_mapper
-from hilbertvae.mappers.octomap_mapper import OCTREES
 from hilbertvae.mappers.saved_map import ADAPTED, MAP, save_map
 from hilbertvae.mappers.weights import check_calibration
 from hilbertvae.reconstruction.precision import check_device
@@ -133,7 +132,7 @@ def _read(settings: MapSettings) -> Scans | GivenMap:
         return read_given_map(settings.scans)
     path = Path(settings.scans)
     if path.is_file() and not path.name.lower().endswith(EXTENSIONS):
-        known = f"of scans {' '.join(EXTENSIONS)}, of maps {' '.join((*ROS_MAPS, *OCTREES))}"
+        known = f"of scans {' '.join(EXTENSIONS)}, of maps {' '.join(MAPS)}"
         raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {known}, and folders of scans")
     scans = read_scans_path(settings.scans, settings.reading())
     if not len(scans):

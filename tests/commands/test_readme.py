@@ -20,11 +20,10 @@ from hilbertvae.commands.table import main as table
 from hilbertvae.commands.train import run
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.ros_map import write_ros_map
-from hilbertvae.files import file_sha256
 from hilbertvae.mappers.fixed_grid import FixedGridMapper
 from hilbertvae.mappers.lard import NEAREST, STRETCH
 from hilbertvae.mappers.loading import load_mapper
-from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
+from hilbertvae.reconstruction.shipped import SHIPPED
 from hilbertvae.reports.mapper_names import for_points, is_network, is_rival
 from hilbertvae.reports.paper_table import PAPER
 from hilbertvae.reports.result_json import read_result
@@ -201,46 +200,6 @@ def test_speeds_are_those_of_the_benchmarks():
     assert said == tuple(f"{seconds:.0f}" for seconds in stages)
     peak = rows("large_cloud_3d")
     assert len(peak) == 1 and f"21 million points peak at {peak['Hilbert Map']['peak_gb']:.0f} GB" in README  # the last row, of most points
-
-
-def test_results_say_which_simulated_sites_they_trained_on():
-    """Those of now, or those from before they were redrawn: every folder of a training on some is named."""
-    page = (ROOT / "docs/results/README.md").read_text(encoding="utf-8")
-    named = re.search(r"Simulated sites were redrawn .*?\n\n", page, re.DOTALL)[0]
-    for file in ROOT.glob("docs/results/**/result.json"):
-        config, folder = read_result(file)[1]["config"], file.relative_to(ROOT / "docs/results").parts[0]
-        if config.get("data", {}).get("simulated") and not config.get("checkpoint"):
-            assert f"`{folder}`" in named, folder
-
-
-def which_network() -> dict[str, tuple[str, str]]:
-    """By folder of results, the commit that the page on them says, and what there is to know."""
-    page = (ROOT / "docs/results/README.md").read_text(encoding="utf-8").split("## Which network, and which code")[1]
-    found = {}
-    for names, commits, note in re.findall(r"^\| (`.*?) \| ([0-9a-f, ]+) \| (.*) \|$", page, re.MULTILINE):
-        folders = re.findall(r"`([^`]+)`", names)
-        parent = f"{folders[0].partition('/')[0]}/" if "/" in folders[0] else ""
-        folders = [parent + folder.removeprefix(parent) for folder in folders]
-        each = commits.split(", ")
-        found |= {folder: (commit, note) for folder, commit in zip(folders, each * (len(folders) // len(each)), strict=True)}
-    return found
-
-
-def test_results_say_of_each_folder_which_code_scored_it():
-    known, made = which_network(), {}
-    for file in ROOT.glob("docs/results/**/result.json"):
-        folder = file.parents[1] if (file.parents[1] / "sweep.json").is_file() else file.parent
-        made.setdefault(folder.relative_to(ROOT / "docs/results").as_posix(), set()).add(read_result(file)[1]["git"]["commit"][:7])
-    assert {folder: {commit} for folder, (commit, _) in known.items() if folder in made} == made
-
-
-def test_results_of_a_network_that_has_since_been_trained_on_say_so():
-    for folder, (_, note) in which_network().items():
-        file = ROOT / f"docs/results/{folder}/result.json"
-        about = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {"config": {}}
-        name = about["config"].get("checkpoint")
-        if name in SHIPPED and about["data"].get("checkpoint") != file_sha256(checkpoint_path(name)):
-            assert re.search(rf"`{name}`[^,;]* ago|the same network", note), f"{folder}: {name} is another network by now"
 
 
 def test_links_lead_somewhere():

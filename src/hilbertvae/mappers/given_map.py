@@ -15,7 +15,8 @@ from hilbertvae.mappers.octree_cloud import octree_cloud
 from hilbertvae.observed_map import ros_map_cloud, ros_map_header
 from hilbertvae.scans.file_points import named
 
-ROS_MAPS = (".yaml", ".yml", ".pgm")
+MAPS = (".yaml", ".yml", ".pgm", *OCTREES)
+"""How the names of maps that can be filled end."""
 LARGEST_CELL_M = 5.0
 """No robot's map has larger cells; one in millimetres has."""
 ON_LATTICE = 0.01
@@ -37,7 +38,7 @@ class GivenMap:
 
 def is_given_map(path: str | os.PathLike) -> bool:
     """Whether a path ends as the file of a map does, and not as one of scans."""
-    return Path(path).suffix.lower() in (*ROS_MAPS, *OCTREES)
+    return Path(path).suffix.lower() in MAPS
 
 
 def read_given_map(path: str | os.PathLike) -> GivenMap:
