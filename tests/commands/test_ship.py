@@ -1,5 +1,7 @@
 """A network becomes one that comes with the package, in a folder of its own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -78,6 +80,25 @@ def test_where_the_cuts_on_points_lie_is_chosen_and_kept(folder, trained, capsys
     assert main(["2d", "--checkpoint", "2d", "--occupied-weight", "0"]) == 2
     assert main(["2d", "--checkpoint", "2d", "--occupied-weight", "1e300"]) == 2
     assert "--occupied-weight: expected a positive number" in capsys.readouterr().err and Reconstructor.load("2d").map_weights == shy
+
+
+def test_what_another_network_learned_may_be_added(folder, trained, tmp_path):
+    """Its trainings are in the card, and the map's weights are learned anew where those of the checkpoint were."""
+    before = replace(tiny_reconstructor(seed=5), card={**CARD, "trained_on": ["9 simulated buildings from 7 on"]})
+    after = {**CARD, "trained_on": ["5 simulated buildings from 16 on"], "started_from": before.card}
+    paths = [
+        before.save(tmp_path / "before.safetensors"),
+        replace(tiny_reconstructor(seed=6), card=after).save(tmp_path / "after.safetensors"),
+    ]
+    assert main(["2d", "--checkpoint", str(trained), "--plus", *map(str, paths)]) == 0
+    made, base, *others = (Reconstructor.load(path).network.state_dict() for path in ("2d", trained, *paths))
+    for name, weight in made.items():
+        wanted = base[name] + others[1][name] - others[0][name]
+        assert (weight - wanted).abs().max() <= 0.02 * wanted.abs().max()
+    assert Reconstructor.load("2d").card["calibrated_on"] == ["toy"]
+    card = (folder / "2d.md").read_text()
+    assert "3. On 5 simulated buildings from 16 on" in card and "3. On 9 simulated" not in card and "This was another network" in card
+    assert main(["2d", "--checkpoint", str(trained), "--plus", *map(str, paths[::-1])]) == 2
 
 
 def test_a_packed_network_says_nearly_the_same(folder, trained):

@@ -31,7 +31,7 @@ def test_a_network_that_does_not_go_on_from_the_other_is_refused():
 
 @pytest.mark.parametrize("other", [{"latent": 5}, {"channels": [4, 10]}, {"stem": 1}])
 def test_another_network_is_refused(other):
-    with pytest.raises(InputError, match="checkpoint: expected a network of .*, as the one before it, got"):
+    with pytest.raises(InputError, match="checkpoint: expected a network of .*, as the other is, got"):
         mean_of(tiny_reconstructor(), tiny_reconstructor(**other))
 
 

@@ -16,6 +16,7 @@ from hilbertvae.cloud import READINGS
 from hilbertvae.files import atomic
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.weights import check_occupied_weight, occupied_weight_of
+from hilbertvae.reconstruction.added_training import with_training_of
 from hilbertvae.reconstruction.mean_weights import mean_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
@@ -33,6 +34,7 @@ def ship(
     rotation: str | None = None,
     interpolated: bool | str = False,
     mean: bool = False,
+    plus: Sequence[str] = (),
     calibrate: Sequence[str] = (),
     occupied_weight: float | None = None,
     calibration_seeds: Sequence[int] = (),
@@ -41,10 +43,11 @@ def ship(
 
     rotation: of the frames of its maps (`FrameSettings`), if they shall be others than those of its training. interpolated: whether they
     are read between cells (`GridSettings`), whatever its training had. mean: take the mean of its weights and those of the network that is
-    shipped as `name` now, from which it was trained on. calibrate: the sites that the map's weights are learned on, if not those of its
-    training. occupied_weight: what an occupied point counts for in the weights for points, which says where the cuts lie between precision
-    and recall; as in those that the checkpoint has, unless given. calibration_seeds: the gap seeds that they are learned with, of several
-    sites fewer than of one. Else simulated sites are made, and gaps cut, as in its training, if its card says how, or by default."""
+    shipped as `name` now, from which it was trained on. plus: two networks, before and after trainings; the difference of their weights is
+    added to its own. calibrate: the sites that the map's weights are learned on, if not those of its training. occupied_weight: what an
+    occupied point counts for in the weights for points, which says where the cuts lie between precision and recall; as in those that the
+    checkpoint has, unless given. calibration_seeds: the gap seeds that they are learned with, of several sites fewer than of one. Else
+    simulated sites are made, and gaps cut, as in its training, if its card says how, or by default."""
     if occupied_weight is not None:
         check_occupied_weight(occupied_weight, "--occupied-weight")
     if calibration_seeds:
@@ -53,6 +56,8 @@ def ship(
     counted = {"occupied_weight": occupied_weight or occupied_weight_of(trained.map_weights)}
     if mean:
         trained = mean_of(Reconstructor.load(name), trained)
+    if plus:
+        trained = with_training_of(trained, *map(Reconstructor.load, plus))
     if rotation:
         trained = replace(trained, grid=replace(trained.grid, frame=replace(trained.grid.frame, rotation=rotation)))
     if interpolated:
@@ -93,6 +98,10 @@ def main(words: list[str] | None = None) -> int:
         help="its maps are read between cells (`grid.interpolated`), or those for one reading alone",
     )  # fmt: skip
     parser.add_argument("--mean", action="store_true", help="the mean of its weights and those of the network it was trained on from, NAME")
+    parser.add_argument(
+        "--plus", nargs=2, default=[], metavar=("BEFORE", "AFTER"),
+        help="two networks: what trainings made of the first until it was the second is added to its weights",
+    )  # fmt: skip
     parser.add_argument("--calibrate", nargs="+", default=[], help="sites that its map's weights are learned on, if not as in its training")
     parser.add_argument(
         "--occupied-weight", type=float, help="what an occupied point counts for in weights for points, if not as in the checkpoint's own"

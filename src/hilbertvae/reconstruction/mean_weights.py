@@ -15,10 +15,7 @@ def mean_of(before: Reconstructor, after: Reconstructor) -> Reconstructor:
     """`after` with the mean of its weights and those of `before`, and without map's weights, which were learned for others. The one may
     have had larger boxes than the other, of cells as large, if its weights are as many. Raises `InputError` for networks that differ in
     more, and where the card of `after` does not name all that `before` was trained on."""
-    kinds, shapes = zip(*map(_kind, (before, after)), strict=True)
-    if kinds[0] != kinds[1] or shapes[0] != shapes[1]:
-        first, other = ((*kind, f"{made.grid.cells} cells") for kind, made in zip(kinds, (before, after), strict=True))
-        raise InputError(f"checkpoint: expected a network of {first}, as the one before it, got {other}")
+    check_same_kind(before, after, "checkpoint")
     if further := _trained_on(before) - _trained_on(after):
         raise InputError(
             f"checkpoint: expected a network that goes on from the one before it, which was trained on {sorted(further)[0]}, too"
@@ -26,6 +23,14 @@ def mean_of(before: Reconstructor, after: Reconstructor) -> Reconstructor:
     network, old = copy.deepcopy(after.network), before.network.state_dict()
     network.load_state_dict({key: (value + old[key]) / 2 for key, value in network.state_dict().items()})
     return replace(after, network=network, map_weights={}, card={**after.card, "mean_with_step_before": True})
+
+
+def check_same_kind(first: Reconstructor, other: Reconstructor, key: str) -> None:
+    """An `InputError` that names `key` if the weights of two networks are not as many, or don't mean the same."""
+    kinds, shapes = zip(*map(_kind, (first, other)), strict=True)
+    if kinds[0] != kinds[1] or shapes[0] != shapes[1]:
+        wanted, got = ((*kind, f"{made.grid.cells} cells") for kind, made in zip(kinds, (first, other), strict=True))
+        raise InputError(f"{key}: expected a network of {wanted}, as the other is, got {got}")
 
 
 def _trained_on(made: Reconstructor) -> set[str]:

@@ -34,6 +34,11 @@ GUESSES = (
     "What it fills in is a guess from other places; `observed(points)` tells what was seen. Rows `occluded` are of what no scan "
     "that it was shown had seen: where its NLL there is above the base rate's, knowing only the share of occupied cells would do better."
 )
+FURTHER = {
+    "mean_with_step_before": " What comes out is the mean of these weights and those of the step before.",
+    "added": " This was another network: what it learned, the difference of its weights, is added to those of the step before.",
+}
+"""What became of a training's weights, by what a card says of it."""
 COLUMNS = {
     "precision": "P", "recall": "R", "best_f1": "best F1", "auc": "AUC", "nll": "NLL", "ece": "ECE", "base_rate": "base rate",
     "base_rate_nll": "its NLL",
@@ -78,10 +83,10 @@ def _trained(card: dict) -> str:
     for number, stage in enumerate(stages(card)):
         command = f", by `{' '.join(stage['command'])}`" if "command" in stage else ""
         commit = f" at commit {stage['git']['commit'][:7]}" if stage.get("git") else ""
-        mean = " What comes out is the mean of these weights and those of the step before." if stage.get("mean_with_step_before") else ""
+        further = "".join(told for key, told in FURTHER.items() if stage.get(key))
         said.append(
             f"{number + 1}. On {', '.join(stage['trained_on'])}, best weights by {stage['validated_on']}: epoch {stage['epoch']}, "
-            f"step {stage['steps']}, seed {stage['seed']}{command}{commit}.{mean}"
+            f"step {stage['steps']}, seed {stage['seed']}{command}{commit}.{further}"
         )
     return "\n".join(said)
 
