@@ -1,5 +1,6 @@
 """Runs that differ in scoring alone share one training."""
 
+import json
 import threading
 from dataclasses import replace
 
@@ -15,6 +16,7 @@ from hilbertvae.checks import InputError  # noqa: E402
 from hilbertvae.mappers.hilbert_map import HilbertMap  # noqa: E402
 from hilbertvae.reconstruction.networks import NETWORKS  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
+from hilbertvae.reports.report import Report  # noqa: E402
 from hilbertvae.scoring.protocol import Protocol  # noqa: E402
 from hilbertvae.training import train as train_module  # noqa: E402
 from hilbertvae.training.kept_network import KeptNetwork  # noqa: E402
@@ -140,6 +142,17 @@ class TestWeightsLearnedAnew:
     def test_another_number_of_grids_has_as_many_weights(self, first, neighbours):
         mapper = self.scored(*first, neighbours=neighbours)
         assert {len(weights["unseen"]) for weights in mapper.reconstructor.map_weights.values()} == {neighbours + 1}
+
+    def test_results_name_the_seeds_that_they_were_learned_with(self, first, tmp_path):
+        """The network's own are those of its card, also in a run with others."""
+        settings, path = first
+        tested = replace(settings, data=replace(settings.data, test=["simulated:900002"]), calibration_seeds=[107])
+        network = Reconstructor.load(path)
+        seeds = {"calibration": network.card["learned_as"]["calibration_seeds"]}
+        mappers = {"own": HilbertMap("trained"), "anew": HilbertMap("trained", neighbours=1)}
+        score(tested, mappers, network, Report(tmp_path, {"name": "run"}, seeds=seeds, pictures=False))
+        assert json.loads((tmp_path / "result.json").read_text())["seeds"] == seeds | {"calibration_anew": {"anew": [107]}}
+        assert seeds["calibration"] != [107]
 
     def test_an_occupied_point_counts_for_as_much_as_in_the_network_s_own(self, first, tmp_path):
         settings, path = first

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+ANEW = "weights_learned_anew"
+"""In the card of a network in a run's memory: whether the run learned other map's weights for it, with seeds of its own."""
+
 
 def stages(card: dict) -> list[dict]:
     """What the network was trained on, first things first."""

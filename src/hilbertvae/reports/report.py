@@ -21,6 +21,7 @@ from hilbertvae.grids.cluster_grids import bin_grids, bin_shown, find_frames, la
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.training_card import ANEW
 from hilbertvae.reports.cluster_pictures import completion_rows, gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
 from hilbertvae.reports.comparison import COMPARED, error_table, occlusion_table, pairwise_table
 from hilbertvae.reports.hparams import write_hparams
@@ -88,7 +89,7 @@ class Report:
         trained = ours.reconstructor.seconds if ours else {}  # also those of a network trained by an earlier run
         seconds = {**trained, "until_scored": time.perf_counter() - self.started}
         device = ours.device if ours else "cpu"
-        about = provenance(self.config, identity=self.identity, data=self.data, seeds=self.seeds, seconds=seconds, device=device)
+        about = provenance(self.config, identity=self.identity, data=self.data, seeds=self._seeds(mappers), seconds=seconds, device=device)
         about |= {"git": self.git} | ({"card": without_folders(self.card)} if self.card else {})
         if trained and "trained_by" in ours.reconstructor.card:
             about["host"]["trained_by"] = ours.reconstructor.card["trained_by"]
@@ -110,6 +111,12 @@ class Report:
         self.failed.update({f"{name} on {site.name}": why for name, why in result.failed.items()})
         if figures:
             print(f"Pictures: {folder / PICTURES}")
+
+    def _seeds(self, mappers: Mapping[str, Mapper]) -> dict | None:
+        """Also those of map's weights that the run learned anew, by mapper."""
+        cards = {name: getattr(getattr(mapper, "reconstructor", None), "card", {}) for name, mapper in mappers.items()}
+        anew = {name: card["learned_as"]["calibration_seeds"] for name, card in cards.items() if card.get(ANEW)}
+        return {**(self.seeds or {}), "calibration_anew": anew} if anew else self.seeds
 
     def _figures(self, result: Result, site: Site, mappers: Mapping[str, Mapper]) -> tuple[dict[str, Figure], Surface | None]:
         """Pictures by name, and in 3D the surface of our map, or of a rival's where ours is not there."""

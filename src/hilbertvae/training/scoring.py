@@ -15,14 +15,14 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reconstruction.training_card import calibrated_on
+from hilbertvae.reconstruction.training_card import ANEW, calibrated_on
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.protocol import alike, evaluate_all
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 from hilbertvae.training.given_networks import give_networks
 from hilbertvae.training.kept_scores import KeptScores, forget_scores
-from hilbertvae.training.learned_as import KEY, as_made, settings_of
+from hilbertvae.training.learned_as import KEY, as_made, learned_as, settings_of
 from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import check_unseen
@@ -82,10 +82,12 @@ def _learn_weights_anew(settings: Settings, mappers: dict[str, Mapper]) -> None:
         if key not in learned:
             _check_calibration_sites(settings, network.card)
             anew = HilbertMap(replace(network, map_weights={}), **chosen)
-            sites = [opened_site(reference, settings) for reference in settings.calibration_sites()]
+            references = settings.calibration_sites()
+            sites = [opened_site(reference, settings) for reference in references]
             counted = {"occupied_weight": occupied_weight_of(network.map_weights)}  # as its own were: rows differ by what was asked
             weights = learn_rank_weights(anew, sites, **settings.calibration() | counted)
-            learned[key] = replace(network, map_weights=weights)
+            card = {**network.card, KEY: learned_as(settings), "calibrated_on": references, ANEW: True}
+            learned[key] = replace(network, map_weights=weights, card=card)
         mapper.set_params(reconstructor=learned[key])
 
 
