@@ -54,3 +54,4 @@ def test_one_run_without_training_stands_against_all():
 
 def test_share():
     assert share_of({0: [1.0, -1.0], 1: [2.0, 0.0]}, lambda value: value > 0) == "2 of 4"
+    assert share_of({}, bool) is None and share_of({0: []}, bool) is None

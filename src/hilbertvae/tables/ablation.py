@@ -67,7 +67,7 @@ def _row(group: Group, default: Group) -> Row:
         if group.keys() != default.keys() or any(group[seed] is not default[seed] for seed in group):
             found = differences(ours, theirs)
             row[f"{key}_difference"] = over_seeds(list(found.values()))
-            row[f"{key}_worse"] = share_of(found, lambda value: value < 0) if found else None
+            row[f"{key}_worse"] = share_of(found, lambda value: value < 0)
     return row
 
 

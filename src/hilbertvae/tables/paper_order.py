@@ -59,6 +59,6 @@ def _row(better: PaperRow, worse: PaperRow, names: list[str], groups: dict[str, 
         "better_f1": over_seeds(list(ours.values())),
         "worse_f1": over_seeds(list(theirs.values())),
         "difference": difference,
-        "better_in": share_of(found, lambda value: value > 0) if found else NOTHING,
+        "better_in": share_of(found, lambda value: value > 0) or NOTHING,
         "agrees": NOTHING if difference is None else "yes" if difference.mean > 0 else "no" if difference.mean else "tie",
     }

@@ -52,7 +52,7 @@ def differences(ours: Mapping[int, Sequence[float]], theirs: Mapping[int, Sequen
     return {seed: [a - b for a, b in zip(ours[seed], theirs[seed], strict=True)] for seed in sorted(set(ours) & set(theirs))}
 
 
-def share_of(found: Mapping[int, Sequence[float]], holds: Callable[[float], bool]) -> str:
-    """In how many of all numbers something holds: `4 of 5`."""
+def share_of(found: Mapping[int, Sequence[float]], holds: Callable[[float], bool]) -> str | None:
+    """In how many of all numbers something holds: `4 of 5`; None where there are none."""
     values = [value for run in found.values() for value in run]
-    return f"{sum(map(holds, values))} of {len(values)}"
+    return f"{sum(map(holds, values))} of {len(values)}" if values else None
