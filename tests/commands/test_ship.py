@@ -90,14 +90,19 @@ def test_what_another_network_learned_may_be_added(folder, trained, tmp_path):
         before.save(tmp_path / "before.safetensors"),
         replace(tiny_reconstructor(seed=6), card=after).save(tmp_path / "after.safetensors"),
     ]
-    assert main(["2d", "--checkpoint", str(trained), "--plus", *map(str, paths)]) == 0
+    assert main(["2d", "--checkpoint", str(trained), "--plus", *map(str, paths), "--plus", *map(str, paths)]) == 0
     made, base, *others = (Reconstructor.load(path).network.state_dict() for path in ("2d", trained, *paths))
     for name, weight in made.items():
-        wanted = base[name] + others[1][name] - others[0][name]
+        wanted = base[name] + 2 * (others[1][name] - others[0][name])
         assert (weight - wanted).abs().max() <= 0.02 * wanted.abs().max()
     assert Reconstructor.load("2d").card["calibrated_on"] == ["toy"]
     card = (folder / "2d.md").read_text()
-    assert "3. On 5 simulated buildings from 16 on" in card and "3. On 9 simulated" not in card and "Of another network: what" in card
+    assert (
+        "3. On 5 simulated buildings from 16 on" in card
+        and "4. On 5 sim" in card
+        and "On 9 simulated" not in card
+        and "What this changed in the network" in card
+    )
     assert main(["2d", "--checkpoint", str(trained), "--plus", *map(str, paths[::-1])]) == 2
 
 

@@ -34,7 +34,7 @@ def ship(
     rotation: str | None = None,
     interpolated: bool | str = False,
     mean: bool = False,
-    plus: Sequence[str] = (),
+    plus: Sequence[tuple[str, str]] = (),
     calibrate: Sequence[str] = (),
     occupied_weight: float | None = None,
     calibration_seeds: Sequence[int] = (),
@@ -43,11 +43,11 @@ def ship(
 
     rotation: of the frames of its maps (`FrameSettings`), if they shall be others than those of its training. interpolated: whether they
     are read between cells (`GridSettings`), whatever its training had. mean: take the mean of its weights and those of the network that is
-    shipped as `name` now, from which it was trained on. plus: two networks, before and after trainings; the difference of their weights is
-    added to its own. calibrate: the sites that the map's weights are learned on, if not those of its training. occupied_weight: what an
-    occupied point counts for in the weights for points, which says where the cuts lie between precision and recall; as in those that the
-    checkpoint has, unless given. calibration_seeds: the gap seeds that they are learned with, of several sites fewer than of one. Else
-    simulated sites are made, and gaps cut, as in its training, if its card says how, or by default."""
+    shipped as `name` now, from which it was trained on. plus: pairs of networks, before and after trainings; the difference of their
+    weights is added to its own. calibrate: the sites that the map's weights are learned on, if not those of its training.
+    occupied_weight: what an occupied point counts for in the weights for points, which says where the cuts lie between precision and
+    recall; as in those that the checkpoint has, unless given. calibration_seeds: the gap seeds that they are learned with, of several
+    sites fewer than of one. Else simulated sites are made, and gaps cut, as in its training, if its card says how, or by default."""
     if occupied_weight is not None:
         check_occupied_weight(occupied_weight, "--occupied-weight")
     if calibration_seeds:
@@ -56,8 +56,8 @@ def ship(
     counted = {"occupied_weight": occupied_weight or occupied_weight_of(trained.map_weights)}
     if mean:
         trained = mean_of(Reconstructor.load(name), trained)
-    if plus:
-        trained = with_training_of(trained, *map(Reconstructor.load, plus))
+    for pair in plus:
+        trained = with_training_of(trained, *map(Reconstructor.load, pair))
     if rotation:
         trained = replace(trained, grid=replace(trained.grid, frame=replace(trained.grid.frame, rotation=rotation)))
     if interpolated:
@@ -99,8 +99,8 @@ def main(words: list[str] | None = None) -> int:
     )  # fmt: skip
     parser.add_argument("--mean", action="store_true", help="the mean of its weights and those of the network it was trained on from, NAME")
     parser.add_argument(
-        "--plus", nargs=2, default=[], metavar=("BEFORE", "AFTER"),
-        help="two networks: what trainings made of the first until it was the second is added to its weights",
+        "--plus", nargs=2, action="append", default=[], metavar=("BEFORE", "AFTER"),
+        help="two networks: what trainings made of the first until it was the second is added to its weights; may be given again",
     )  # fmt: skip
     parser.add_argument("--calibrate", nargs="+", default=[], help="sites that its map's weights are learned on, if not as in its training")
     parser.add_argument(

@@ -36,7 +36,7 @@ GUESSES = (
 )
 FURTHER = {
     "mean_with_step_before": " What comes out is the mean of these weights and those of the step before.",
-    "added": " Of another network: what this changed in its weights is added to those of the step before.",
+    "added": " What this changed in the network that it trained is added to the weights of the step before.",
 }
 """What became of a training's weights, by what a card says of it."""
 COLUMNS = {
