@@ -185,6 +185,22 @@ def test_what_is_said_beside_the_papers_numbers():
     assert max(np.mean(row[region]["recall"]) for row in rows for region in ("gaps", "observed")) < 0.01
 
 
+def test_what_is_said_of_what_lies_behind_things():
+    """In how many distances and seeds 2D ranks better than every simpler method, whose NLL is lower, and where a base rate's is level."""
+    every, at_half, base = re.search(r"in 2D in (\d+ of 30) .* at each distance, .*?\((0\.\d+) for (0\.\d+)\)", README, re.DOTALL).groups()
+    scores = read_result(ROOT / "docs/results/shipped/2d/result.json")[0].scores
+    ahead = []
+    for region in (f"occluded-{scans}-{band}" for scans in ("sparse", "half") for band in ("0.25-0.5", "0.5-1", "1-2.5")):
+        ours, rivals = scores["cvae-hm"]["voxels"][region], [scores[name]["voxels"][region] for name in scores if is_rival(name)]
+        ahead += [area > max(others) for area, *others in zip(ours["auc"], *(rival["auc"] for rival in rivals), strict=True)]
+        assert np.mean(ours["nll"]) < min(np.mean(rival["nll"]) for rival in rivals)
+        below = np.mean(ours["nll"]) < np.mean(ours["base_rate_nll"])
+        assert below == (region != "occluded-half-0.25-0.5")
+    assert f"{sum(ahead)} of {len(ahead)}" == every
+    level = scores["cvae-hm"]["voxels"]["occluded-half-0.25-0.5"]
+    assert (at_half, base) == tuple(f"{np.mean(level[metric]):.3f}" for metric in ("nll", "base_rate_nll"))
+
+
 def test_speeds_are_those_of_the_benchmarks():
     def rows(name):
         found = json.loads((ROOT / f"docs/results/benchmarks/{name}.json").read_text(encoding="utf-8"))["rows"]

@@ -9,7 +9,7 @@ from dataclasses import replace
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.mean_weights import check_same_kind
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reconstruction.training_card import calibrated_on, stages
+from hilbertvae.reconstruction.training_card import LEARNED_AS, calibrated_on, stages
 
 OF_A_STAGE = (
     "trained_on", "trained_on_sha256", "validated_on", "epoch", "steps", "seed", "command", "git", "mean_with_step_before", "added",
@@ -32,8 +32,8 @@ def with_training_of(base: Reconstructor, before: Reconstructor, after: Reconstr
     card = base.card
     for stage in later[len(old) :]:
         card = _told(stage) | {"started_from": card, "added": True}
-    kept = {key: base.card[key] for key in ("learned_as",) if key in base.card}
-    return replace(base, network=network, map_weights={}, card=card | kept | {"calibrated_on": calibrated_on(base.card)})
+    learned = {"calibrated_on": calibrated_on(base.card)} | {key: base.card[key] for key in base.card.keys() & {LEARNED_AS}}
+    return replace(base, network=network, map_weights={}, card=card | learned)
 
 
 def _told(stage: dict) -> dict:

@@ -79,15 +79,19 @@ def _between_cells(interpolated: bool | str) -> str:
 
 
 def _trained(card: dict) -> str:
-    said = []
-    for number, stage in enumerate(stages(card)):
+    said, numbers = [], {}
+    for number, stage in enumerate(stages(card), start=1):
         command = f", by `{' '.join(stage['command'])}`" if "command" in stage else ""
         commit = f" at commit {stage['git']['commit'][:7]}" if stage.get("git") else ""
-        further = "".join(told for key, told in FURTHER.items() if stage.get(key))
-        said.append(
-            f"{number + 1}. On {', '.join(stage['trained_on'])}, best weights by {stage['validated_on']}: epoch {stage['epoch']}, "
-            f"step {stage['steps']}, seed {stage['seed']}{command}{commit}.{further}"
+        told = (
+            f"On {', '.join(stage['trained_on'])}, best weights by {stage['validated_on']}: epoch {stage['epoch']}, "
+            f"step {stage['steps']}, seed {stage['seed']}{command}{commit}."
         )
+        first = numbers.setdefault(told, number)
+        if first < number and stage.get("added"):
+            said.append(f"{number}. What step {first} changed is added once more.")
+        else:
+            said.append(f"{number}. {told}{''.join(further for key, further in FURTHER.items() if stage.get(key))}")
     return "\n".join(said)
 
 

@@ -21,7 +21,7 @@ from hilbertvae.grids.cluster_grids import bin_grids, bin_shown, find_frames, la
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reconstruction.training_card import ANEW
+from hilbertvae.reconstruction.training_card import ANEW, LEARNED_AS
 from hilbertvae.reports.cluster_pictures import completion_rows, gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
 from hilbertvae.reports.comparison import COMPARED, error_table, occlusion_table, pairwise_table
 from hilbertvae.reports.hparams import write_hparams
@@ -115,7 +115,7 @@ class Report:
     def _seeds(self, mappers: Mapping[str, Mapper]) -> dict | None:
         """Also those of map's weights that the run learned anew, by mapper."""
         cards = {name: getattr(getattr(mapper, "reconstructor", None), "card", {}) for name, mapper in mappers.items()}
-        anew = {name: card["learned_as"]["calibration_seeds"] for name, card in cards.items() if card.get(ANEW)}
+        anew = {name: card[LEARNED_AS]["calibration_seeds"] for name, card in cards.items() if card.get(ANEW)}
         return {**(self.seeds or {}), "calibration_anew": anew} if anew else self.seeds
 
     def _figures(self, result: Result, site: Site, mappers: Mapping[str, Mapper]) -> tuple[dict[str, Figure], Surface | None]:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict
 
 from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.training_card import LEARNED_AS as KEY
 from hilbertvae.scans.formats import ReadingSettings
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.site import SIMULATED, SiteSource
 from hilbertvae.training.settings import DataSettings, Settings
 from hilbertvae.training.site_roles import place
 
-KEY = "learned_as"
-"""In a card; those that are older have none."""
 OF_SITES = ("simulated_scans", "simulated_extent_m")
 OF_WEIGHTS = ("validation_gap_m", "calibration_seeds")
 
