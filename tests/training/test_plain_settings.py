@@ -55,3 +55,17 @@ def test_a_network_that_is_there_is_not_trained(tmp_path):
 def test_who_made_them_changes_no_hash(tmp_path):
     made = tiny_settings(tmp_path / "run", tmp_path / "cache")
     assert training_hash(made) == training_hash(plain_settings(made)) == training_hash(replace(made, resolution_m=np.float64(0.1)))
+
+
+def test_what_is_asked_for_again_is_a_copy_of_its_own_and_follows_every_change(tmp_path):
+    made = tiny_settings(tmp_path / "run", tmp_path / "cache")
+    first = plain_settings(made)
+    first.data.train.append("another")
+    assert plain_settings(made).data.train == made.data.train
+    made.data.train.append("another")
+    assert plain_settings(made) == first
+    made.trainer.learning_rate = 1
+    assert type(plain_settings(made).trainer.learning_rate) is float  # 1 == 1.0, and another type
+    assert plain_settings(replace(made, trainer=replace(made.trainer, learning_rate=np.float32(1)))) == plain_settings(made)
+    with pytest.raises(InputError, match="^mapper"):
+        plain_settings(replace(made, mapper={"mine": {"name": lambda: None}}))

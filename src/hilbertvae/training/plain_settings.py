@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import os
+import pickle
 from dataclasses import fields, is_dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,7 +24,17 @@ def plain_settings(settings: Settings) -> Settings:
     """
     if not is_dataclass(settings.network):
         raise InputError(f"network: expected the settings of a network, such as GatedNetworkSettings(), got {settings.network!r:.60}")
-    return _plain(settings, "")
+    try:
+        pickled = pickle.dumps(settings)
+    except (pickle.PicklingError, AttributeError, TypeError):  # what is no setting is refused by its key
+        return _plain(settings, "")
+    return copy.deepcopy(_plain_of(pickled))
+
+
+@lru_cache(maxsize=8)
+def _plain_of(pickled: bytes) -> Settings:
+    """A run asks for its hash again and again, and OmegaConf takes a tenth of a second each time."""
+    return _plain(pickle.loads(pickled), "")
 
 
 def _plain(value: Any, path: str) -> Any:
