@@ -124,6 +124,7 @@ def test_the_card_says_what_there_is_to_know(folder, trained, room, tmp_path):
         "by `hilbertvae-train name=toy`",
         f"| {room.name} | gaps | voxels |",
         "`hilbertvae-train checkpoint=2d` at commit abcdefa",
+        "over gap seeds of 1 m;",
         "states no terms for the data",
     ):
         assert said in text, said

@@ -64,7 +64,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         + (f", {_between_cells(network.grid.interpolated)}" if network.grid.interpolated else "")
         + f"; in those for points an occupied one counts for {occupied_weight_of(network.map_weights):g}.",
         "## Scores",
-        *([_scores([read_result(path)[0] for path in results]), _made(results)] if results else ["Not scored yet."]),
+        *([_scores(read := [read_result(path)[0] for path in results]), _made(results, read)] if results else ["Not scored yet."]),
         "## Limits",
         f"{LIMITS[network.dimension].format(at=at)} {GUESSES}",
         "## Terms",
@@ -114,14 +114,14 @@ def _cell(metrics: dict[str, list[float]], metric: str) -> str:
     return as_percent(mean, spread) if metric in SHARES else f"{mean:.3f}"
 
 
-def _made(results: list[Path]) -> str:
-    said = []
-    for path in results:
+def _made(paths: list[Path], results: list[Result]) -> str:
+    said, sizes = [], " and ".join(f"{size:g}" for size in sorted({result.gap_diameter_m for result in results}))
+    for path in paths:
         about = json.loads(path.read_text(encoding="utf-8"))
         commit = (about.get("git") or {}).get("commit", "")[:7]
         said.append(f"`{' '.join(about['command'])}` at commit {commit} ({about['site']}, gap seeds {about['gap_seeds']})")
     return (
-        "Shares in percent, mean±sd over gap seeds of 2.5 m; precision and recall at p > 0.6, precision over the seeds in which "
+        f"Shares in percent, mean±sd over gap seeds of {sizes} m; precision and recall at p > 0.6, precision over the seeds in which "
         "anything was called occupied. observed: held-out beams. Points are scored "
         'with `calibration="points"`. By ' + "; ".join(said) + "."
     )
