@@ -1,5 +1,6 @@
 import copy
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +25,16 @@ def test_it_stands_for_the_network_of_a_checkpoint(tmp_path):
     np.testing.assert_array_equal(found.complete(grids, 2).known, loaded.known)
     for again in (copy.deepcopy(found), pickle.loads(pickle.dumps(RecordedNetwork(made.fingerprint(), path)))):
         assert again.fingerprint() == made.fingerprint() and again.dimension == 2
+
+
+@pytest.mark.parametrize("is_given", [True, False])
+def test_it_is_found_after_a_change_of_the_working_folder(tmp_path, monkeypatch, is_given):
+    made = tiny_reconstructor()
+    path = made.save(tmp_path / "model.safetensors")
+    monkeypatch.chdir(tmp_path)
+    found = RecordedNetwork(made.fingerprint(), *([path.name] if is_given else [None, Path(path.name)]))
+    monkeypatch.chdir(tmp_path.parent)
+    assert found.dimension == 2
 
 
 def test_nothing_is_read_before_it_is_needed(monkeypatch):

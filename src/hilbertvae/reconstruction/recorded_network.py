@@ -26,7 +26,9 @@ class RecordedNetwork:
     """
 
     def __init__(self, fingerprint: str, checkpoint: str | os.PathLike | None = None, beside: Path | None = None):
-        self._fingerprint, self._checkpoint, self._beside = fingerprint, checkpoint, beside
+        # Where these are now: the network may first be needed after a change of the working folder.
+        self._checkpoint = checkpoint if checkpoint is None or checkpoint in SHIPPED else Path(checkpoint).absolute()
+        self._fingerprint, self._beside = fingerprint, beside and beside.absolute()
 
     @cached_property
     def found(self) -> Reconstructor:
