@@ -56,10 +56,10 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     clock.start("read")
     source = _read(settings)
     exports = suiting_exports(settings.exports, source.dimension)
-    beside = source.files if isinstance(source, GivenMap) else ()
+    weights = settings.weights or f"{source.dimension}d"
+    beside = (*(source.files if isinstance(source, GivenMap) else ()), Path(weights))  # an earlier map's network may be what is given
     check = partial(check_output, output, Path(settings.scans), exports, by_name=not settings.output, beside=beside)
     check()
-    weights = settings.weights or f"{source.dimension}d"
     chosen = {name: getattr(settings, name) for name in ("fill", "adapt_steps", "calibration")}
     mapper = (mapper or load_mapper(weights)).set_params(**chosen, device=settings.device)
     if mapper.reconstructor.dimension != source.dimension:

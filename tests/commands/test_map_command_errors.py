@@ -14,7 +14,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.commands import map as map_command
 from hilbertvae.exports.formats import EXPORTS
 from hilbertvae.mapping import MapSettings, make_map
-from toy_rooms import carmen_line, write_log
+from toy_rooms import carmen_line, tiny_reconstructor, write_log
 
 
 def test_a_key_is_named_as_this_command_has_it(tmp_path, capsys):
@@ -200,6 +200,18 @@ def test_the_image_of_the_map_that_is_filled_is_not_replaced(room, tmp_path, cap
     assert map_command.main([f"scans={out / 'plan.yaml'}", f"output={out}", "fill=off"]) == 2
     assert f"output: {out / 'map.pgm'} is what is read" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+@pytest.mark.parametrize("steps", [0, 1])
+def test_the_network_that_an_earlier_map_needs_is_not_replaced_or_taken_away(room, tmp_path, capsys, steps):
+    words = [f"scans={npz_of(room, tmp_path / 'room.npz')}", f"output={tmp_path / 'out'}", "exports=[]"]
+    weights = tiny_reconstructor().save(tmp_path / "tiny.safetensors")
+    assert map_command.main([*words, f"weights={weights}", "adapt_steps=1"]) == 0
+    network = tmp_path / "out" / "adapted.safetensors"
+    before = network.read_bytes()
+    assert map_command.main([*words, f"weights={network}", f"adapt_steps={steps}"]) == 2
+    assert "adapted.safetensors is what is read" in capsys.readouterr().err
+    assert network.read_bytes() == before
 
 
 @pytest.mark.parametrize("name", ["points.npz", "map_observed.npz"])
