@@ -42,6 +42,9 @@ from hilbertvae.scans.planar import as_plan
 from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_blocks import longest_reach_m
 
+SAME_CELL = 1e-6
+"""Of a network's cell: one that is larger by less is as large. ROS keeps the side of cells in single precision, 0.1 as 0.10000000149."""
+
 Say = Callable[[str], None]
 
 
@@ -68,7 +71,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     resolution_m = settings.resolution_m or (source.cell_m if isinstance(source, GivenMap) else network_m)
     # A coarser map is asked for finely, and its cells joined: the network has to see places in its own resolution. A whole number of
     # fine cells makes a coarse one, else what is seen in one would leak into the next.
-    mapper.resolution_m = fine_m = resolution_m / max(1, math.ceil(resolution_m / network_m - 1e-9))
+    mapper.resolution_m = fine_m = resolution_m / max(1, math.ceil(resolution_m / network_m - SAME_CELL))
     if isinstance(source, GivenMap):
         warn_of_moved_walls(settings.scans, source, resolution_m, fine_m)
 

@@ -5,6 +5,7 @@ import octomap
 import pytest
 
 from hilbertvae.exports.grid_npz import read_grid
+from hilbertvae.mappers.saved_map import load_map
 from hilbertvae.mapping import MapSettings, make_map
 
 
@@ -41,3 +42,13 @@ def test_a_ros_map_too(tmp_path, cell_m):
     row, column = np.nonzero(codes != 205)
     expected = {(int(c + first[0]), int(8 - r + first[1])): codes[r, c] == 0 for r, c in zip(row, column, strict=True)}
     assert {tuple(map(int, place)): bool(hit) for place, hit in zip(found.index, found.occupied, strict=True)} == expected
+
+
+@pytest.mark.parametrize(("cell_m", "voxel_m"), [(float(np.float32(0.1)), 0.1), (0.101, 0.0505)])
+def test_cells_in_single_precision_are_as_large_as_a_network_s(tmp_path, cell_m, voxel_m):
+    """Halved they would be asked four times as often, and far more would be filled in."""
+    (tmp_path / "map.pgm").write_bytes(b"P5 2 1 255\n" + bytes([0, 254]))
+    header = f"image: map.pgm\nresolution: {cell_m!r}\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    (tmp_path / "map.yaml").write_text(header)
+    out = make_map(MapSettings(scans=str(tmp_path / "map.yaml"), output=str(tmp_path / "out"), fill=False, exports=[]))
+    assert load_map(out).evidence_.resolution_m == pytest.approx(voxel_m, rel=1e-6)
