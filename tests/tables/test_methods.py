@@ -40,6 +40,21 @@ def test_mean_over_gap_seeds_and_then_over_training_seeds(folder):
     assert one["n"] == "1×2" and one["gaps_auc_n"] == "2"
 
 
+def test_a_training_whose_map_calls_nothing_occupied_has_no_precision(tmp_path):
+    silent = {"precision": [0.0, 0.0], "recall": [0.0, 0.0]}  # half is free, and a half of that, and of the rest, is called free
+    first, last = {"precision": [0.8, 0.9], "recall": [0.1, 0.2]}, {"precision": [0.6, 0.7], "recall": [0.3, 0.3]}
+    for seed, calls in enumerate([first, silent, last]):
+        put(tmp_path, f"cvae-hm-paper-seed{seed}", {"cvae-hm-paper": scores_of([0.5, 0.5], **calls)})
+    declare(tmp_path, "table1", [f"cvae-hm-paper-seed{seed}" for seed in range(3)])
+    row = rows(tmp_path)["cvae-hm-paper"]
+    assert float(row["gaps_precision_mean"]) == pytest.approx(statistics.mean([0.85, 0.65])) and row["gaps_precision_n"] == "2"
+    assert float(row["gaps_recall_mean"]) == pytest.approx(statistics.mean([0.15, 0.0, 0.3])) and row["gaps_recall_n"] == "3"
+    for seed in (0, 2):  # of maps that are all silent it stays 0
+        put(tmp_path, f"cvae-hm-paper-seed{seed}", {"cvae-hm-paper": scores_of([0.5, 0.5], **silent)})
+    row = rows(tmp_path)["cvae-hm-paper"]
+    assert float(row["gaps_precision_mean"]) == 0 and row["gaps_precision_n"] == "3"
+
+
 def test_the_paper_s_numbers_and_the_difference(folder):
     row = rows(folder)["cvae-hm-points"]
     assert (row["paper_gaps_precision"], row["paper_gaps_recall"]) == ("0.9086", "0.8629")

@@ -124,6 +124,11 @@ def asked(metrics: dict[str, list[float]], metric: str) -> list[float]:
     return [value for value, tells in zip(values, told, strict=True) if tells]
 
 
+def calls_any(metrics: dict[str, list[float]], metric: str) -> bool:
+    """Whether a map calls anything, with any gap seed, of which `metric`, one of `PRECISIONS`, tells how much is right."""
+    return metric in metrics and any(_called(metrics, metric))
+
+
 def _called(metrics: dict[str, list[float]], metric: str) -> list[int]:
     """How many were called with each gap seed what `metric`, one of `PRECISIONS`, is of, from the shares of which `score` tells; 1 where
     these leave it open."""

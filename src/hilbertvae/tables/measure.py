@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from hilbertvae.reports.mapper_names import is_network
 from hilbertvae.reports.score_table import NOTHING, as_percent
+from hilbertvae.scoring.result import PRECISIONS, calls_any
 from hilbertvae.tables.alike import is_unclean
 from hilbertvae.tables.page import Column, Row, hidden, measured, megabytes, number, text
 from hilbertvae.tables.spread import Paired, Spread, over_seeds
@@ -41,8 +42,14 @@ COST_LEGEND = (
 
 
 def score_of(group: Group, mapper: str | None, reading: str, region: str, metric: str) -> Spread | None:
-    """A score over a group; None where it was not scored."""
-    return over_seeds([run.result.values(mapper, reading, region, metric) for run in group.values()]) if mapper else None
+    """A score over a group; None where it was not scored. A precision leaves out trainings whose map called nothing so with any gap seed,
+    unless that is so of all."""
+    if mapper is None:
+        return None
+    runs = [run.result for run in group.values()]
+    if metric in PRECISIONS:  # which is 0 there, as if all that was called had been wrong
+        runs = [run for run in runs if calls_any(run.regions(mapper, reading).get(region, {}), metric)] or runs
+    return over_seeds([run.values(mapper, reading, region, metric) for run in runs])
 
 
 def per_seed(group: Group, mapper: str | None, reading: str, region: str, metric: str) -> Paired:
