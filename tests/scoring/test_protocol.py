@@ -261,6 +261,13 @@ def test_protocols_that_score_nothing_are_named(room, change, message):
         evaluate(ConstantMapper(), room, Protocol(**change))
 
 
+@pytest.mark.parametrize("change", [{"gap_seeds": []}, {"gap_seeds": [1, 1]}, {"gap_ratio": 0.0}])
+def test_several_mappers_are_scored_by_no_other_protocols_than_one_is(room, change):
+    """Of a seed that is there twice the deviation would be 0."""
+    with pytest.raises(InputError, match=f"evaluation.{next(iter(change))}: expected"):
+        evaluate_all({"all": ConstantMapper()}, room, replace(QUICK, **change))
+
+
 def test_the_default_gap_is_half_the_papers_cluster():
     assert Protocol().gap_diameter_m == 2.5 and len(Protocol().gap_seeds) == 5
     assert cases.OCCLUSION_STEP == {2: 10, 3: 3}

@@ -204,6 +204,7 @@ def evaluate_all(mappers: dict[str, Mapper], site: Site, protocol: Protocol, pro
     kept: what `evaluate_alike` found before with one gap seed, by `take(mappers, seed)`; it is handed what is found by
     `keep(mappers, seed, result)`, so that an evaluation which was stopped goes on.
     """
+    protocol.check()  # as a whole: each seed alone may well do
     best = site.remember("ceiling", lambda: ceiling(site))
     every = Result(site.name, site.dimension, protocol.gap_diameter_m, list(protocol.gap_seeds), best, protocol=asdict(protocol))
     groups = {tuple(group): group for group in alike(mappers)}
