@@ -92,14 +92,5 @@ def test_errors_are_ranked_seed_by_seed():
     assert error_table(result_of({"nearest": {"voxels": {}}})) == ""
 
 
-def test_seeds_without_an_error_say_nothing_of_how_errors_are_ranked():
-    """Of these both areas are 0.5."""
-    areas = {"error_auc_spread": [0.8, 0.5, 0.5], "error_auc_doubt": [0.7, 0.5, 0.6], "count": [9.0] * 3}
-    table = error_table(result_of({"cvae-hm": {"voxels": {"gaps": areas}}}))
-    assert "| cvae-hm | 65.0±21.2 | 65.0±7.1 | 1 of 2 |" in table
-    none = {"error_auc_spread": [0.5, 0.5], "error_auc_doubt": [0.5, 0.5], "count": [9.0] * 2}
-    assert error_table(result_of({"cvae-hm": {"voxels": {"gaps": none}}})) == ""
-
-
 def test_occlusion_is_empty_where_it_was_not_scored():
     assert occlusion_table(result_of({"nearest": {"voxels": {}}})) == ""
