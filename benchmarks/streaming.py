@@ -118,7 +118,7 @@ def main(words: list[str] | None = None) -> None:
     except InputError as error:
         print(f"{error}; {SIMULATED} instead")
         site = open_site(SIMULATED)
-    scans = scans_of(site, 4 if given.quick else given.scans)
+    scans = scans_of(site, 2 if given.quick else given.scans)
     checkpoint = given.checkpoint or f"{site.dimension}d"
     rows, facts = [], {"site": site.name, "checkpoint": checkpoint, "returns_per_scan": len(site.scans) / (site.scans.scan.max() + 1)}
     for what in WAYS:
