@@ -76,7 +76,8 @@ class TestEveryYaml:
         assert settings.trained == "outputs/trained"
 
     def test_the_full_figure_of_latent_dimensions_has_the_paper_s(self):
-        latents = {settings_of("sweep=fig6", "size=full", *overrides).network.latent for overrides in jobs_of("fig6", "full")}
+        cases = {tuple(one for one in overrides if not one.startswith("seed=")) for overrides in jobs_of("fig6", "full")}
+        latents = {settings_of("sweep=fig6", "size=full", *overrides).network.latent for overrides in cases}
         assert {25, 100} <= latents and max(latents) > 100
 
     def test_all_quick_sweeps_together_train_at_most_thirty_networks(self):
@@ -241,7 +242,7 @@ class TestASweepSurvives:
         ("varied", "name", "expected"),
         [
             (["start=random,quick_means"], "start-${hydra:runtime.choices.start}", {"start-random", "start-quick_means"}),
-            (["mapper=[all-occupied],[all-occupied,nearest]"], "job-${hydra:job.num}", {"job-0", "job-1"}),
+            # Lists have no short name.
             (["data.test=[simulated:900002],[simulated:900003]", "flips=1,2"], "flips-${flips}_job-${hydra:job.num}",
              {"flips-1_job-0", "flips-2_job-1", "flips-1_job-2", "flips-2_job-3"}),
         ],
