@@ -242,7 +242,7 @@ class TestASweepSurvives:
         ("varied", "name", "expected"),
         [
             (["start=random,quick_means"], "start-${hydra:runtime.choices.start}", {"start-random", "start-quick_means"}),
-            # Lists have no short name.
+            (["mapper=[all-occupied],[all-occupied,nearest]"], "job-${hydra:job.num}", {"job-0", "job-1"}),
             (["data.test=[simulated:900002],[simulated:900003]", "flips=1,2"], "flips-${flips}_job-${hydra:job.num}",
              {"flips-1_job-0", "flips-2_job-1", "flips-1_job-2", "flips-2_job-3"}),
         ],

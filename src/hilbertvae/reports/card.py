@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from hilbertvae.files import file_sha256
@@ -48,7 +47,7 @@ SHARES = ("precision", "recall", "best_f1", "auc", "base_rate")
 
 def card_text(name: str, weights: Path, results: list[Path]) -> str:
     """Markdown about the network shipped as `name`, from the header of its file and from result files."""
-    network = Reconstructor.load(weights)
+    network, scored = Reconstructor.load(weights), [read_result(path) for path in results]
     card = network.card
     count = sum(parameter.numel() for parameter in network.network.parameters())
     at = f"cells of {network.grid.cell_m:g} m and boxes of {network.grid.cells * network.grid.cell_m:g} m"
@@ -64,7 +63,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         + (f", {_between_cells(network.grid.interpolated)}" if network.grid.interpolated else "")
         + f"; in those for points an occupied one counts for {occupied_weight_of(network.map_weights):g}.",
         "## Scores",
-        *([_scores(read := [read_result(path)[0] for path in results]), _made(results, read)] if results else ["Not scored yet."]),
+        *([_scores([result for result, _ in scored]), _made(scored)] if scored else ["Not scored yet."]),
         "## Limits",
         f"{LIMITS[network.dimension].format(at=at)} {GUESSES}",
         "## Terms",
@@ -114,12 +113,11 @@ def _cell(metrics: dict[str, list[float]], metric: str) -> str:
     return as_percent(mean, spread) if metric in SHARES else f"{mean:.3f}"
 
 
-def _made(paths: list[Path], results: list[Result]) -> str:
-    said, sizes = [], " and ".join(f"{size:g}" for size in sorted({result.gap_diameter_m for result in results}))
-    for path in paths:
-        about = json.loads(path.read_text(encoding="utf-8"))
+def _made(scored: list[tuple[Result, dict]]) -> str:
+    said, sizes = [], " and ".join(f"{size:g}" for size in sorted({result.gap_diameter_m for result, _ in scored}))
+    for result, about in scored:
         commit = (about.get("git") or {}).get("commit", "")[:7]
-        said.append(f"`{' '.join(about['command'])}` at commit {commit} ({about['site']}, gap seeds {about['gap_seeds']})")
+        said.append(f"`{' '.join(about['command'])}` at commit {commit} ({result.site}, gap seeds {result.gap_seeds})")
     return (
         f"Shares in percent, mean±sd over gap seeds of {sizes} m; precision and recall at p > 0.6, precision over the seeds in which "
         "anything was called occupied. observed: held-out beams. Points are scored "
