@@ -23,10 +23,9 @@ from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.mappers import completing_mapper, hilbert_map
 from hilbertvae.mappers.hilbert_map import FLIPS, HilbertMap
-from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
-from hilbertvae.reconstruction.likelihood import LikelihoodSettings
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.settings import GatedNetworkSettings, LikelihoodSettings
 from hilbertvae.simulate.building import BuildingSettings
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.site import SiteSource, open_site

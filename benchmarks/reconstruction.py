@@ -13,10 +13,9 @@ from measuring import arguments, report, seconds_of
 
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import bin_shown, find_frames
-from hilbertvae.reconstruction.likelihood import LikelihoodSettings
 from hilbertvae.reconstruction.networks import build_network
-from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.settings import LikelihoodSettings, PaperNetworkSettings
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.site import SiteSource, open_site
 

@@ -14,9 +14,9 @@ import torch
 from measuring import arguments, report, seconds_of
 from torch.utils.flop_counter import FlopCounterMode
 
-from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
-from hilbertvae.reconstruction.likelihood import Bernoulli, LikelihoodSettings, free_bits, kl_divergence
+from hilbertvae.reconstruction.likelihood import Bernoulli, free_bits, kl_divergence
 from hilbertvae.reconstruction.networks import build_network
+from hilbertvae.reconstruction.settings import GatedNetworkSettings, LikelihoodSettings
 
 CELLS, BATCH = 64, 64
 PEAK_SHAPES = ((128, 32), (256, 32), (512, 16), (1024, 8))

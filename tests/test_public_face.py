@@ -1,6 +1,7 @@
 """What `import hilbertvae` offers."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -64,3 +65,13 @@ assert main(["--help"]) == 0 and main(["colour=red"]) == 2
 print([name for name in ("torch", "sklearn", "matplotlib") if name in sys.modules])
 """
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.endswith("\n[]\n")
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--cfg", "job"], ["seed=-1"], ["colour=red"]], ids=" ".join)
+def test_a_training_that_is_not_begun_waits_for_neither_torch_nor_scikit_learn(words, tmp_path):
+    """Also each time that a shell completes a word of it."""
+    done = subprocess.run(
+        [sys.executable, "-X", "importtime", "-m", "hilbertvae.train", *words], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == (0 if words[0].startswith("--") else 2 if words == ["seed=-1"] else 1), done.stderr
+    assert "| hilbertvae.training.settings" in re.sub(" +", " ", done.stderr) and not re.search(r"\| +(torch|sklearn)$", done.stderr, re.M)

@@ -6,10 +6,9 @@ import numpy as np
 import torch
 
 from hilbertvae.grids.cluster_grids import GridSettings
-from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
-from hilbertvae.reconstruction.likelihood import LikelihoodSettings
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.settings import GatedNetworkSettings, LikelihoodSettings
 from hilbertvae.scans.scan import Scans
 
 CENTRE = np.array([1.3, -2.7])

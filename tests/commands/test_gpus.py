@@ -121,7 +121,7 @@ def test_a_job_is_given_its_gpus_before_it_looks_at_one(launcher, tmp_path, monk
         raise InputError("device: enough")
 
     monkeypatch.setattr(command, "give_gpus", asked.append)
-    monkeypatch.setattr("hilbertvae.training.settings.check_device", looks)
+    monkeypatch.setattr("hilbertvae.reconstruction.precision.check_device", looks)
     with pytest.raises(InputError, match="enough"):
         application(launcher, tmp_path, monkeypatch, "device=cuda", "trainer.devices=2")
     assert asked == [2, "cuda"]

@@ -12,7 +12,7 @@ from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.grids.training_grids import gapped_grids
 from hilbertvae.reconstruction import adaptation
 from hilbertvae.reconstruction.adaptation import adapted, batch_size
-from hilbertvae.reconstruction.likelihood import LikelihoodSettings
+from hilbertvae.reconstruction.settings import LikelihoodSettings
 from toy_rooms import tiny_reconstructor
 
 

@@ -4,7 +4,8 @@ import pytest
 import torch
 
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment, random_balls, scale_counts
+from hilbertvae.reconstruction.augmentation import augment, random_balls, scale_counts
+from hilbertvae.reconstruction.settings import AugmentationSettings
 from hilbertvae.reconstruction.symmetry import apply, symmetries
 
 

@@ -6,9 +6,10 @@ from torch.distributions import kl_divergence as torch_kl
 
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import GridSettings
-from hilbertvae.reconstruction.conditional_network import ConditionalNetwork, ConditionalNetworkSettings
-from hilbertvae.reconstruction.likelihood import LikelihoodSettings, kl_divergence
+from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
+from hilbertvae.reconstruction.likelihood import kl_divergence
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.settings import ConditionalNetworkSettings, LikelihoodSettings
 from toy_rooms import draw_weights
 
 SMALL = {"stem": 2, "channels": [4, 6, 8], "blocks": [1, 2, 1], "latent": 3}

@@ -4,9 +4,9 @@ import pytest
 import torch
 
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSettings
 from hilbertvae.reconstruction.finer_stem import finer_weights, is_finer
 from hilbertvae.reconstruction.networks import build_network
+from hilbertvae.reconstruction.settings import ConditionalNetworkSettings
 from toy_rooms import draw_weights, tiny_reconstructor
 
 

@@ -3,8 +3,9 @@ import torch
 
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.blocks import CHANNELS_LAST
-from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
+from hilbertvae.reconstruction.gated_network import GatedNetwork
 from hilbertvae.reconstruction.precision import fast_type
+from hilbertvae.reconstruction.settings import GatedNetworkSettings
 from toy_rooms import draw_weights
 
 SMALL = {"stem": 2, "channels": [4, 6, 8], "blocks": [1, 2, 1], "latent": 5}

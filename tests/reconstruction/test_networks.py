@@ -3,10 +3,10 @@ from dataclasses import asdict, dataclass
 import pytest
 
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSettings
-from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
+from hilbertvae.reconstruction.gated_network import GatedNetwork
 from hilbertvae.reconstruction.networks import NETWORKS, build_network, network_settings
-from hilbertvae.reconstruction.paper_network import PaperNetwork, PaperNetworkSettings
+from hilbertvae.reconstruction.paper_network import PaperNetwork
+from hilbertvae.reconstruction.settings import SCHEMAS, ConditionalNetworkSettings, GatedNetworkSettings, PaperNetworkSettings
 
 
 @pytest.mark.parametrize(
@@ -50,6 +50,10 @@ def test_a_stem_of_no_cells_is_named():
 def test_a_kind_that_is_not_that_of_its_settings_is_named():
     with pytest.raises(InputError, match="network.kind: expected 'gated', as the chosen network has, got 'paper'"):
         build_network(GatedNetworkSettings(kind="paper"), 2, 16)
+
+
+def test_configuration_files_may_choose_each_of_them():
+    assert {schema.kind: schema for schema in SCHEMAS} == {kind: schema for kind, (schema, _) in NETWORKS.items()}
 
 
 class OwnNetwork(GatedNetwork):

@@ -3,7 +3,8 @@ import torch
 from torch import nn
 
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction.paper_network import PaperNetwork, PaperNetworkSettings
+from hilbertvae.reconstruction.paper_network import PaperNetwork
+from hilbertvae.reconstruction.settings import PaperNetworkSettings
 from toy_rooms import draw_weights
 
 SMALL = {"channels": [3, 4], "kernels": [5, 3], "latent": 6, "dropout": 0.2}

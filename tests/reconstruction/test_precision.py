@@ -4,9 +4,8 @@ import torch
 
 from hilbertvae.reconstruction import precision
 from hilbertvae.reconstruction.blocks import convolutions
-from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
-from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
 from hilbertvae.reconstruction.precision import fast_autocast, fast_type, layer_type, training_type
+from hilbertvae.reconstruction.settings import GatedNetworkSettings, PaperNetworkSettings
 from toy_rooms import tiny_reconstructor
 
 

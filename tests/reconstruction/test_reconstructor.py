@@ -12,9 +12,9 @@ from safetensors.torch import save_file
 
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.blocks import CHANNELS_LAST
-from hilbertvae.reconstruction.likelihood import LikelihoodSettings
-from hilbertvae.reconstruction.paper_network import PaperNetwork, PaperNetworkSettings
+from hilbertvae.reconstruction.paper_network import PaperNetwork
 from hilbertvae.reconstruction.reconstructor import FORMAT, Reconstructor
+from hilbertvae.reconstruction.settings import LikelihoodSettings, PaperNetworkSettings
 from toy_rooms import draw_weights, tiny_grid, tiny_reconstructor
 
 

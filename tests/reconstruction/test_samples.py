@@ -3,8 +3,9 @@
 import pytest
 import torch
 
-from hilbertvae.reconstruction.conditional_network import ConditionalNetwork, ConditionalNetworkSettings
-from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
+from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
+from hilbertvae.reconstruction.gated_network import GatedNetwork
+from hilbertvae.reconstruction.settings import ConditionalNetworkSettings, GatedNetworkSettings
 from toy_rooms import draw_weights
 
 SMALL = {"stem": 2, "channels": [4, 6, 8], "blocks": [1, 2, 1], "latent": 3}

@@ -3,8 +3,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSettings
 from hilbertvae.reconstruction.networks import build_network
+from hilbertvae.reconstruction.settings import ConditionalNetworkSettings
 from hilbertvae.reconstruction.wider_levels import is_wider, wider_weights
 from toy_rooms import draw_weights, tiny_reconstructor
 

@@ -4,10 +4,9 @@ import numpy as np
 import torch
 
 from hilbertvae.grids.cluster_grids import GridSettings
-from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
-from hilbertvae.reconstruction.likelihood import LikelihoodSettings
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.settings import GatedNetworkSettings, LikelihoodSettings
 from hilbertvae.scoring.metrics import METRICS
 from hilbertvae.scoring.result import Result
 

@@ -5,7 +5,7 @@ from dataclasses import asdict
 
 import pytest
 
-from hilbertvae.reconstruction.paper_network import PaperNetworkSettings
+from hilbertvae.reconstruction.settings import PaperNetworkSettings
 from hilbertvae.tables.layouts import read_page
 from hilbertvae.tables.methods import PAPER_LATENT, PAPER_NETWORK
 from toy_sweeps import SECONDS, change, declare, lines_with, put, put_failed, rows_of_csv, scores_of

@@ -13,10 +13,11 @@ from hilbertvae.mappers.constant import ConstantMapper
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.nearest import NearestMapper
-from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
-from hilbertvae.reconstruction.likelihood import Bernoulli, LikelihoodSettings
+from hilbertvae.reconstruction.gated_network import GatedNetwork
+from hilbertvae.reconstruction.likelihood import Bernoulli
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.settings import GatedNetworkSettings, LikelihoodSettings
 from hilbertvae.reports.run_state import UNFINISHED
 from hilbertvae.scoring.protocol import Protocol, evaluate_all
 from hilbertvae.training import kept_scores

@@ -9,6 +9,7 @@ import torch
 from torch import nn
 
 from hilbertvae.training.optimizers import NEWTON_SCHULZ, OPTIMIZERS, ROUNDS, Muon, orthogonalised, parameter_groups
+from hilbertvae.training.settings import OPTIMIZERS as KINDS
 
 RATE, DECAY = 0.01, 0.1
 
@@ -91,6 +92,10 @@ def test_the_rest_takes_what_adamw_takes():
         take(model, OPTIMIZERS[kind](model, RATE, DECAY), 5)
     for ours, theirs in zip(models[0].parameters(), models[1].parameters(), strict=True):
         torch.testing.assert_close(ours, theirs, rtol=0, atol=0)
+
+
+def test_settings_know_all_of_them():
+    assert tuple(OPTIMIZERS) == KINDS
 
 
 @pytest.mark.parametrize("kind", OPTIMIZERS)

@@ -8,10 +8,10 @@ from torch.nn import functional as F
 from training_toys import TRAINER, tiny_settings
 
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment
-from hilbertvae.reconstruction.conditional_network import ConditionalNetworkSettings
-from hilbertvae.reconstruction.likelihood import Bernoulli, LikelihoodSettings, free_bits, kl_divergence, known_nll
+from hilbertvae.reconstruction.augmentation import augment
+from hilbertvae.reconstruction.likelihood import Bernoulli, free_bits, kl_divergence, known_nll
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.settings import AugmentationSettings, ConditionalNetworkSettings, LikelihoodSettings
 from hilbertvae.training.reconstruction_module import ReconstructionModule
 from toy_rooms import tiny_reconstructor
 

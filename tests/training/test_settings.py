@@ -5,8 +5,7 @@ import pytest
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.training_grids import ClusteringSettings
-from hilbertvae.reconstruction.augmentation import AugmentationSettings
-from hilbertvae.reconstruction.likelihood import LikelihoodSettings
+from hilbertvae.reconstruction.settings import AugmentationSettings, LikelihoodSettings
 from hilbertvae.scoring.protocol import Protocol
 from hilbertvae.training.settings import DataSettings, Settings, TrainerSettings
 

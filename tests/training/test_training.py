@@ -11,8 +11,8 @@ from hilbertvae.checks import InputError
 from hilbertvae.files import file_sha256
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
-from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.settings import GatedNetworkSettings
 from hilbertvae.training.checkpoints import best_reconstructor
 from hilbertvae.training.reconstruction_module import ReconstructionModule
 from hilbertvae.training.train import _precision, train

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 from hilbertvae.grids.training_grids import ClusteringSettings
 from hilbertvae.mappers.nearest import NearestMapper
-from hilbertvae.reconstruction.augmentation import AugmentationSettings
-from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
+from hilbertvae.reconstruction.settings import AugmentationSettings, GatedNetworkSettings
 from hilbertvae.scoring.protocol import Protocol
 from hilbertvae.training.kept_grids import grids_hash
 from hilbertvae.training.scoring import score

@@ -9,7 +9,7 @@ from rich.progress import Progress
 
 import hilbertvae
 from hilbertvae.clusters.comparison import study, study_clouds
-from hilbertvae.files import json_object, write_json
+from hilbertvae.files import hash_of, json_object, write_json
 from hilbertvae.reports.provenance import provenance
 from hilbertvae.reports.run_state import RUN, finite
 from hilbertvae.scans.sites import site_hashes
@@ -20,18 +20,17 @@ from hilbertvae.training.settings import Settings
 def run_clustering(settings: Settings, again: bool = True) -> int:
     """Try `grid.start` as `study` says, on returns of the first test site where it asks for them; the exit code."""
     path = Path(settings.output) / NAME
-    returns, tested, hashes = None, None, {}
-    if settings.study.cloud == "returns":
-        site, source = settings.data.test[0], settings.source()
+    site, source = settings.data.test[0] if settings.study.cloud == "returns" else None, settings.source()
+    if site:
         source.check(site)
-        tested = source.made_of(site)
-        returns, hashes = source.scans(site).points, site_hashes([site])
+    tested = source.made_of(site) if site else None
     identity = {"version": hilbertvae.__version__, "start": settings.grid.start, "study": asdict(settings.study), "site": tested}
-    about = provenance(asdict(settings), identity=identity, data=hashes, seeds={"clouds": settings.study.seeds})
-    if not again and _is_finished(path, about["config_hash"]):
+    if not again and _is_finished(path, hash_of(identity)):
         print(f"{settings.output}: finished before")
         return 0
-    clouds = study_clouds(settings.study, returns)  # first, since a study that is refused leaves what was there
+    clouds = study_clouds(settings.study, source.scans(site).points if site else None)  # first: one that is refused leaves what was there
+    hashes = site_hashes([site]) if site else {}
+    about = provenance(asdict(settings), identity=identity, data=hashes, seeds={"clouds": settings.study.seeds})
     path.unlink(missing_ok=True)  # a study that is stopped half-way leaves nothing of an earlier one
     with Progress() as progress:
         bar = progress.add_task(f"{settings.grid.start}", total=None)

@@ -10,7 +10,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 
 import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.reconstruction.networks import NETWORKS
+from hilbertvae.reconstruction.settings import SCHEMAS
 from hilbertvae.training.settings import Settings
 
 PACKAGE = Path(hilbertvae.__file__).parent
@@ -24,8 +24,8 @@ store = ConfigStore.instance()
 SCHEMA = Settings(network=MISSING)
 SCHEMA.output, SCHEMA.resolution_m = "outputs/${name}", None
 store.store(name="settings_schema", node=SCHEMA)
-for kind, (schema, _) in NETWORKS.items():
-    store.store(group="network", name=f"{kind}_schema", node=schema)
+for schema in SCHEMAS:
+    store.store(group="network", name=f"{schema.kind}_schema", node=schema)
 
 
 def to_settings(config: DictConfig) -> Settings:

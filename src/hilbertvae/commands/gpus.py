@@ -7,7 +7,6 @@ import tempfile
 import warnings
 from pathlib import Path
 
-import torch
 from filelock import FileLock, Timeout
 
 SEEN, ALL = "HILBERTVAE_GPUS_SEEN", "all"
@@ -38,6 +37,8 @@ def give_gpus(wanted: int) -> None:
     """
     if "HILBERTVAE_GPUS_GIVEN" in os.environ:
         return
+    import torch  # late: a sweep's parent deals nothing out, and does not wait for it
+
     seen = os.environ.get("CUDA_VISIBLE_DEVICES")
     every = seen.split(",") if seen else [str(number) for number in range(torch.cuda.device_count())]
     if not 0 < wanted < len(every):

@@ -19,11 +19,12 @@ from torch.nn import functional as F
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.progress import track
-from hilbertvae.reconstruction.augmentation import AugmentationSettings, augment
+from hilbertvae.reconstruction.augmentation import augment
 from hilbertvae.reconstruction.blocks import Reconstruction, convolutions
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
 from hilbertvae.reconstruction.precision import fast_autocast, training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.settings import AugmentationSettings
 
 GAP_DIAMETER_M = (1.0, 3.5)
 """Of the balls that are cut from each batch."""

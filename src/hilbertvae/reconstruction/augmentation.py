@@ -2,37 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import torch
 from torch import Tensor
 
-from hilbertvae.checks import InputError, check_not_negative
 from hilbertvae.grids.aligned_grid import COUNT_STEPS
 from hilbertvae.grids.cluster_grids import COUNTS, PLACES, labels_of
+from hilbertvae.reconstruction.settings import AugmentationSettings
 from hilbertvae.reconstruction.symmetry import apply, apply_channels, symmetries
-
-
-@dataclass
-class AugmentationSettings:
-    """Drawn anew for every batch; all randomness comes from torch's global generators."""
-
-    symmetric: bool = True
-    """Flip and swap the horizontal axes."""
-    balls: int = 2
-    """Gaps cut from each input on top of the clustering's: one always, each further one in half of the grids."""
-    ball_diameter_cells: list[float] = field(default_factory=lambda: [10.0, 35.0])
-    """Range of their diameters; at cells of 0.1 m, 1 to 3.5 m."""
-    count_factor: float = 4.0
-    """Where counts are shown, the most by which those of a grid are multiplied or divided: sites are scanned more and less."""
-
-    def __post_init__(self):
-        sizes = self.ball_diameter_cells
-        if len(sizes) != 2 or not 0 < sizes[0] <= sizes[1]:
-            raise InputError(f"augmentation.ball_diameter_cells: expected the smallest and the largest, got {sizes}")
-        check_not_negative(self.balls, "augmentation.balls")
-        if not self.count_factor >= 1:
-            raise InputError(f"augmentation.count_factor: expected at least 1, got {self.count_factor}")
 
 
 def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings, dimension: int) -> tuple[Tensor, Tensor]:

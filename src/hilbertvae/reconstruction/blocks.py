@@ -12,6 +12,7 @@ from torch.nn import functional as F
 from hilbertvae.checks import InputError, check_count
 from hilbertvae.grids.aligned_grid import COUNT_STEPS, PLACE_STEPS
 from hilbertvae.reconstruction.precision import layer_type
+from hilbertvae.reconstruction.settings import KERNEL
 
 CONVOLUTION = {2: nn.Conv2d, 3: nn.Conv3d}
 CHANNELS_LAST = {2: torch.channels_last, 3: torch.channels_last_3d}
@@ -102,10 +103,6 @@ def channels_a_group(channels: int) -> int:
     """Of so many, how many share one mean and variance."""
     groups = max(1, channels // 16)
     return channels // groups if channels % groups == 0 else channels
-
-
-KERNEL = 3
-"""Cells along an axis of a residual block's convolutions."""
 
 
 class ResidualBlock(nn.Module):

@@ -2,26 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from hilbertvae.checks import InputError, check_share
 from hilbertvae.reconstruction.blocks import CONVOLUTION, HIT_FREE_CHANNELS, Reconstruction, ResidualBlock, hit_free
-from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
-
-
-@dataclass
-class ConditionalNetworkSettings(GatedNetworkSettings):
-    """As the default's, but for where z lies and what it is drawn from."""
-
-    kind: str = "conditional"
-    latent: int = 8
-    """Of each cell of the bottom: a gap is a few of these, and a vector for a whole grid could not say where in it a wall goes on."""
-    guess_share: float = 0.5
-    """Share of a training batch that is decoded from the prior's mean, which is what a map asks for."""
+from hilbertvae.reconstruction.gated_network import GatedNetwork
+from hilbertvae.reconstruction.settings import ConditionalNetworkSettings
 
 
 class ConditionalNetwork(GatedNetwork):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor, nn
@@ -13,7 +12,6 @@ from hilbertvae.checks import InputError, check_count, check_whole
 from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.blocks import (
     CONVOLUTION,
-    KERNEL,
     MEAN_POOL,
     Reconstruction,
     ResidualBlock,
@@ -22,36 +20,9 @@ from hilbertvae.reconstruction.blocks import (
     group_norm,
     spread_channels,
 )
+from hilbertvae.reconstruction.settings import KERNEL, GatedNetworkSettings
 
 BOTTOMS = ("summary", "flat")
-
-
-@dataclass
-class GatedNetworkSettings:
-    """Full-resolution convolutions with many channels are the cost on a CPU; a strided stem and a pixel shuffle avoid them."""
-
-    kind: str = "gated"
-    stem: int = 4
-    """Cells of the grid, along an axis, that one cell of the first level covers."""
-    channels: list[int] = field(default_factory=lambda: [64, 128, 192])
-    """One level per entry; each halves the resolution of the one before."""
-    blocks: list[int] = field(default_factory=lambda: [2, 2, 2])
-    """Residual blocks on the way down per level; the last level's are the bottom's."""
-    latent: int = 64
-    variational: bool = True
-    bottom: str = "summary"
-    """What the decoder starts from: `summary`, the bottom's cells and the latent; `flat`, the latent alone, which needs `skips: false`."""
-    skips: bool = True
-    known: bool = True
-    """A second output: whether a cell would be known at all if the site were scanned as training sites were."""
-    dropout: float = 0.0
-    encoding: str = "hit_free"
-    """What the network is shown: `hit_free`, the labels of cells; `detailed`, also how many returns and free samples each cell has, and
-    where in it its returns lie; `signed`, the paper's."""
-
-    def convolutions(self, cells: int) -> list[tuple[int, int]]:
-        """Kernel and cells, along an axis, of what is convolved on each level, for grids of `cells`."""
-        return [(KERNEL, cells // self.stem // 2**level) for level in range(len(self.channels))]
 
 
 class GatedNetwork(nn.Module):

@@ -5,37 +5,12 @@ Both are sums, over cells and over latent dimensions: averaging one and summing 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from hilbertvae.checks import InputError, check_not_negative
 from hilbertvae.grids.aligned_grid import COUNT_STEPS
-
-
-@dataclass
-class LikelihoodSettings:
-    """`bernoulli`: logits, on cells known in the target. `gaussian`: the paper's tanh and squared error over all cells."""
-
-    kind: str = "bernoulli"
-    observed_weight: float = 0.2
-    """Weight of cells that the input shows, beside 1 for those cut from it. The map keeps observed evidence by itself."""
-    known_weight: float = 0.03
-    """Weight of the second output's likelihood, per cell that the input does not show; most of these are dull."""
-    vote_power: float = 0.0
-    """`bernoulli`: known cells weigh as this power of their votes. 0 counts cells, as scores on voxels do, and 1 counts points."""
-    masked: bool = True
-    """`bernoulli` over known cells alone. Without the mask a cell that nobody saw is to be answered with 0.5, as a gap's then is, too."""
-
-    def __post_init__(self):
-        if self.kind not in LIKELIHOODS:
-            raise InputError(f"likelihood.kind: expected one of {', '.join(LIKELIHOODS)}, got {self.kind!r}")
-        check_not_negative(self.observed_weight, "likelihood.observed_weight")
-        check_not_negative(self.known_weight, "likelihood.known_weight")
-        if not 0 <= self.vote_power <= 1:
-            raise InputError(f"likelihood.vote_power: expected a power in [0, 1], got {self.vote_power}")
+from hilbertvae.reconstruction.settings import LikelihoodSettings
 
 
 class Bernoulli:

@@ -7,9 +7,10 @@ from torch import nn
 
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.blocks import CHANNELS_LAST
-from hilbertvae.reconstruction.conditional_network import ConditionalNetwork, ConditionalNetworkSettings
-from hilbertvae.reconstruction.gated_network import GatedNetwork, GatedNetworkSettings
-from hilbertvae.reconstruction.paper_network import PaperNetwork, PaperNetworkSettings
+from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
+from hilbertvae.reconstruction.gated_network import GatedNetwork
+from hilbertvae.reconstruction.paper_network import PaperNetwork
+from hilbertvae.reconstruction.settings import ConditionalNetworkSettings, GatedNetworkSettings, PaperNetworkSettings
 
 NETWORKS = {
     "gated": (GatedNetworkSettings, GatedNetwork),

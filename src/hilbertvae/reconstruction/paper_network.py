@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor, nn
@@ -18,27 +17,7 @@ from hilbertvae.reconstruction.blocks import (
     check_network_numbers,
     find_encoding,
 )
-
-
-@dataclass
-class PaperNetworkSettings:
-    """The baseline of section IV: 64 cells, kernels 9/7/5/5, channels 64/128/256/256, latent 25 (2D) or 100 (3D)."""
-
-    kind: str = "paper"
-    channels: list[int] = field(default_factory=lambda: [64, 128, 256, 256])
-    kernels: list[int] = field(default_factory=lambda: [9, 7, 5, 5])
-    latent: int = 25
-    """The paper's in 2D; in 3D it has 100."""
-    dropout: float = 0.8
-    """Drop rate after the last encoder convolution; the paper says 0.7 and 0.8 (METHOD 4)."""
-    variational: bool = True
-    tied: bool = False
-    """Decoder convolutions are the encoder's, transposed (`W~ = W^T`, Eq. 2); needs `encoding: signed`."""
-    encoding: str = "signed"
-
-    def convolutions(self, cells: int) -> list[tuple[int, int]]:
-        """Kernel and cells, along an axis, of what is convolved on each level, for grids of `cells`."""
-        return [(kernel, cells // 2**level) for level, kernel in enumerate(self.kernels)]
+from hilbertvae.reconstruction.settings import PaperNetworkSettings
 
 
 class PaperNetwork(nn.Module):

@@ -22,10 +22,11 @@ from hilbertvae.grids.cluster_grids import GridSettings, labels_of
 from hilbertvae.reconstruction.blocks import is_detailed
 from hilbertvae.reconstruction.completion import Completion
 from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
-from hilbertvae.reconstruction.likelihood import LIKELIHOODS, LikelihoodSettings
+from hilbertvae.reconstruction.likelihood import LIKELIHOODS
 from hilbertvae.reconstruction.networks import NetworkSettings, build_network, network_settings
 from hilbertvae.reconstruction.packed_weights import pack, unpack
 from hilbertvae.reconstruction.precision import fast_autocast
+from hilbertvae.reconstruction.settings import LikelihoodSettings
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
 from hilbertvae.reconstruction.symmetry import apply, apply_channels, check_flips, symmetries, undo
 

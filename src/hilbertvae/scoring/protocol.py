@@ -10,50 +10,19 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_positive, check_seeds
+from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import LEAST_SHARE, Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.scoring.cases import Case, gap_case, occluded_parts, occlusion_case
 from hilbertvae.scoring.ceiling import ceiling
 from hilbertvae.scoring.metrics import error_ranking, precision_recall_curve, score
+from hilbertvae.scoring.protocol_settings import Protocol
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 
 CURVE_POINTS = 101
 """Recalls at which the precision-recall curve is kept."""
-
-
-@dataclass
-class Protocol:
-    """Gap seeds, and the gap's size as in the paper: a ratio of the average cluster size."""
-
-    gap_seeds: list[int] = field(default_factory=lambda: [0, 1, 2, 3, 4])
-    gap_ratio: float = 0.5
-    cluster_size_m: float = 5.0
-    centred: bool = False
-    """Gaps centred on occupied points, which tells where the wall is; for rows of its own."""
-    rim: bool = True
-    """Whether voxels that a gap's surface cuts are neither shown nor asked, as METHOD 7 has it. Without, their middles decide, and what is
-    asked begins right beside what is shown: gaps are easier. For scores beside those of METHOD 4, whose gaps seem to be such."""
-    occlusion: bool = True
-    """Also score real occlusion: what only the scans that were left out have seen."""
-
-    @property
-    def gap_diameter_m(self) -> float:
-        return self.gap_ratio * self.cluster_size_m
-
-    def __post_init__(self):
-        if isinstance(self.gap_seeds, (range, tuple, np.ndarray)):
-            self.gap_seeds = list(self.gap_seeds)
-        if isinstance(self.gap_seeds, list):  # numpy's numbers are none in JSON
-            self.gap_seeds = [int(seed) if isinstance(seed, np.integer) else seed for seed in self.gap_seeds]
-
-    def check(self) -> None:
-        """An `InputError` that names the key for what can't be scored."""
-        check_positive(self.gap_ratio, "evaluation.gap_ratio")
-        check_positive(self.cluster_size_m, "evaluation.cluster_size_m")
-        check_seeds(self.gap_seeds, "evaluation.gap_seeds")
 
 
 def cut_site(site: Site, protocol: Protocol, seed: int) -> Gaps:

@@ -12,23 +12,20 @@ from hilbertvae.clusters.comparison import StudySettings
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.training_grids import ClusteringSettings
 from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, check_occupied_weight
-from hilbertvae.reconstruction.augmentation import AugmentationSettings
-from hilbertvae.reconstruction.gated_network import GatedNetworkSettings
-from hilbertvae.reconstruction.likelihood import LikelihoodSettings
-from hilbertvae.reconstruction.precision import check_device
+from hilbertvae.reconstruction.settings import AugmentationSettings, GatedNetworkSettings, LikelihoodSettings
 from hilbertvae.reconstruction.symmetry import check_flips
 from hilbertvae.scans.formats import ReadingSettings
-from hilbertvae.scoring.protocol import Protocol
+from hilbertvae.scoring.protocol_settings import Protocol
 from hilbertvae.simulate.building import MOST_EXTENT_M, BuildingSettings
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.site import SIMULATED, SiteSource
-from hilbertvae.training.optimizers import OPTIMIZERS
 from hilbertvae.training.site_roles import check_roles
 
 TASKS = ("maps", "clustering")
 TRAINED = "trained"
 """What a mapper's `reconstructor` is set to when it takes the network of the run; any other text is a checkpoint's path."""
 ACCELERATORS = ("auto", "cpu", "gpu", "cuda", "mps")
+OPTIMIZERS = ("muon", "adamw")
 PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed")
 MOST_THREADS = 1024
 
@@ -237,4 +234,6 @@ class Settings:
         check_occupied_weight(self.calibration_occupied_weight, "calibration_occupied_weight")
         check_flips(self.flips)
         if self.device != "auto":
+            from hilbertvae.reconstruction.precision import check_device  # late: torch
+
             check_device(self.device)
