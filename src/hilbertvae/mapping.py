@@ -29,7 +29,7 @@ from hilbertvae.exports.page import write_page
 from hilbertvae.exports.summary import map_summary, point_counts, summary_tables
 from hilbertvae.files import write_json
 from hilbertvae.map_settings import MapSettings
-from hilbertvae.mappers.given_map import MAPS, GivenMap, is_given_map, read_given_map, warn_of_moved_walls
+from hilbertvae.mappers.given_map import MAPS, SAME_CELL, GivenMap, is_given_map, read_given_map, warn_of_moved_walls
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.saved_map import ADAPTED, MAP, save_map
@@ -41,9 +41,6 @@ from hilbertvae.scans.kitti import VELODYNE
 from hilbertvae.scans.planar import as_plan
 from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_blocks import longest_reach_m
-
-SAME_CELL = 1e-6
-"""Of a network's cell: one that is larger by less is as large. ROS keeps the side of cells in single precision, 0.1 as 0.10000000149."""
 
 Say = Callable[[str], None]
 

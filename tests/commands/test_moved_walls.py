@@ -103,6 +103,7 @@ def test_in_larger_or_turned_cells_walls_move_no_farther_than_is_said(tmp_path, 
         (0.05, [-100.0003, 0, 0], {}),
         (0.15, [-1.5, 3.0, 0.0], {}),
         (0.05, [0.05, 0.0, math.pi], {}),
+        (float(np.float32(0.1)), [-2.0, 3.0, 0.0], {"resolution_m": 0.1}),
     ],
 )
 def test_nothing_is_said_where_nothing_moves(tmp_path, cell_m, origin, changed):

@@ -19,6 +19,8 @@ MAPS = (".yaml", ".yml", ".pgm", *OCTREES)
 """How the names of maps that can be filled end."""
 LARGEST_CELL_M = 5.0
 """No robot's map has larger cells; one in millimetres has."""
+SAME_CELL = 1e-6
+"""Of a cell: one that is larger by less is as large. ROS keeps the side of cells in single precision, 0.1 as 0.10000000149."""
 ON_LATTICE = 0.01
 """Of a cell: so near to the lattice that maps are written on a given one counts as on it."""
 
@@ -64,12 +66,12 @@ def warn_of_moved_walls(path: str | os.PathLike, given: GivenMap, resolution_m: 
         lies = f"are turned by {math.degrees(yaw):.3g} degrees"
     elif beside > ON_LATTICE:
         lies = f"begin at {corner[0]:.9g} {corner[1]:.9g} m, which is no whole number of them from 0 0"
-    elif abs(parts - round(parts)) > 1e-9 * parts:
+    elif abs(parts - round(parts)) > SAME_CELL * parts:
         lies = f"are written in cells of {resolution_m:g} m"
     else:
         return
     # Cell by cell only where each becomes one; else a wall's cell may reach into two, and both are the wall's.
-    whole = not turned and max(abs(resolution_m / given.cell_m - 1), abs(voxel_m / given.cell_m - 1)) < 1e-9
+    whole = not turned and max(abs(resolution_m / given.cell_m - 1), abs(voxel_m / given.cell_m - 1)) < SAME_CELL
     moved_m = beside * given.cell_m if whole else resolution_m
     warnings.warn(
         f"{path}: its cells of {given.cell_m:g} m {lies}; those that are written count from 0 0 along the axes, so walls move by up to "
