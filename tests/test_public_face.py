@@ -1,6 +1,7 @@
 """What `import hilbertvae` offers."""
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -75,3 +76,11 @@ def test_a_training_that_is_not_begun_waits_for_neither_torch_nor_scikit_learn(w
     )
     assert done.returncode == (0 if words[0].startswith("--") else 2 if words == ["seed=-1"] else 1), done.stderr
     assert "| hilbertvae.training.settings" in re.sub(" +", " ", done.stderr) and not re.search(r"\| +(torch|sklearn)$", done.stderr, re.M)
+
+
+@pytest.mark.parametrize(("word", "completed"), [("experiment=real_2", "experiment=real_2d"), ("trainer.ep", "trainer.epochs=")])
+def test_a_shell_completes_keys_and_choices(word, completed):
+    line = f".venv/bin/hilbertvae-train {word}"
+    asked = {**os.environ, "COMP_LINE": line, "COMP_POINT": str(len(line))}
+    words = [sys.executable, "-m", "hilbertvae.train", "-sc", "query=bash"]
+    assert completed in subprocess.run(words, capture_output=True, text=True, check=True, env=asked).stdout.split()
