@@ -1,7 +1,8 @@
 """Settings that were made in Python are those that YAML would have given, or are refused by the key."""
 
+import sys
 from copy import deepcopy
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -70,3 +71,16 @@ def test_what_is_asked_for_again_is_a_copy_of_its_own_and_follows_every_change(t
     assert plain_settings(replace(made, trainer=replace(made.trainer, learning_rate=np.float32(1)))) == plain_settings(made)
     with pytest.raises(InputError, match="^mapper"):
         plain_settings(replace(made, mapper={"mine": {"name": lambda: None}}))
+
+
+def test_a_network_whose_class_was_made_anew_has_the_settings_of_that_class(monkeypatch):
+    """As in a notebook, where the cell that has it is mended and run again."""
+    for _ in range(2):
+
+        @dataclass
+        class MineSettings:
+            kind: str = "mine"
+
+        MineSettings.__qualname__ = "MineSettings"
+        monkeypatch.setattr(sys.modules[__name__], "MineSettings", MineSettings, raising=False)
+        assert type(plain_settings(Settings(network=MineSettings())).network) is MineSettings

@@ -28,12 +28,13 @@ def plain_settings(settings: Settings) -> Settings:
         pickled = pickle.dumps(settings)
     except (pickle.PicklingError, AttributeError, TypeError):  # what is no setting is refused by its key
         return _plain(settings, "")
-    return copy.deepcopy(_plain_of(pickled))
+    return copy.deepcopy(_plain_of(pickled, type(settings.network)))
 
 
 @lru_cache(maxsize=8)
-def _plain_of(pickled: bytes) -> Settings:
-    """A run asks for its hash again and again, and OmegaConf takes a tenth of a second each time."""
+def _plain_of(pickled: bytes, network: type) -> Settings:
+    """A run asks for its hash again and again, and OmegaConf takes a tenth of a second each time. network: the class of its settings, of
+    which a pickle has the name alone: a cell of a notebook that is run again makes another one."""
     return _plain(pickle.loads(pickled), "")
 
 
