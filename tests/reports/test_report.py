@@ -14,6 +14,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reports.report import Report, scores_text
 from hilbertvae.reports.result_json import read_result
+from hilbertvae.reports.run_state import is_finished
 from hilbertvae.scoring.protocol import Protocol, evaluate_all
 from toy_places import room
 
@@ -90,6 +91,18 @@ def test_a_run_that_is_scored_again_shows_its_new_scores_alone_beside_its_curves
         assert len(events.Scalars(f"score/{name}/nearest/voxels/gaps/auc")) == 1
     assert len(events.Scalars("headline/gaps_voxels_auc")) == 1
     assert not [tag for tag in events.Tags()["scalars"] if "/gone/" in tag]
+
+
+def test_pictures_of_an_earlier_scoring_do_not_pass_for_those_of_a_later_one(tmp_path):
+    """A job that is asked for pictures would else be told that they are there."""
+    site, mappers = room(), {"nearest": NearestMapper()}
+    for old in (tmp_path / "pictures/map.png", tmp_path / "surface.ply"):
+        old.parent.mkdir(exist_ok=True)
+        old.write_bytes(b"")
+    result = evaluate_all(mappers, site, Protocol([0], cluster_size_m=2.0, occlusion=False))
+    Report(tmp_path, {"name": "run"}, identity={}, pictures=False)(result, site, mappers)
+    assert is_finished(tmp_path, [site.name], {}) and not is_finished(tmp_path, [site.name], {}, pictures=True)
+    assert not (tmp_path / "surface.ply").exists()
 
 
 def test_gaps_in_which_no_voxel_lies_have_no_reliability_to_be_shown(tmp_path):

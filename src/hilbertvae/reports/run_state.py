@@ -89,8 +89,13 @@ def was_scored_alone(folder: str | Path) -> bool:
 
 def clear(folder: str | Path) -> None:
     """Remove what else a scoring writes, where an earlier one was of another network: TensorBoard would show both as one run."""
-    for name in (TENSORBOARD, PICTURES):
-        shutil.rmtree(Path(folder) / name, ignore_errors=True)
+    shutil.rmtree(Path(folder) / TENSORBOARD, ignore_errors=True)
+    clear_pictures(folder)
+
+
+def clear_pictures(folder: str | Path) -> None:
+    """Remove what was drawn of a result, before another one is written beside it: not every scoring draws all, or any, of it anew."""
+    shutil.rmtree(Path(folder) / PICTURES, ignore_errors=True)
     (Path(folder) / SURFACE).unlink(missing_ok=True)
 
 
