@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import sys
+from functools import cache
+from types import ModuleType
 
 
 def foreign_source(kind: type) -> str | None:
@@ -17,6 +19,12 @@ def foreign_source(kind: type) -> str | None:
         found = getattr(found, name, None)
     if found is not kind:  # another one of that name, or none
         return None
+    return _source_of(kind, module)
+
+
+@cache
+def _source_of(kind: type, module: ModuleType) -> str | None:
+    """As it was when a class was first asked for: it may be edited while what was loaded goes on. One that is loaded anew is another."""
     try:
         return inspect.getsource(module)
     except (OSError, TypeError):
