@@ -184,6 +184,14 @@ def test_another_gpu_scores_anew(settings, monkeypatch):
     assert found["a GPU"][0] == found["another"][0] and found["a GPU"][1] != found["another"][1]
 
 
+def test_arrays_among_a_mapper_s_settings_count_whole(settings):
+    kept, prior = KeptScores(settings, settings.data.test[0]), np.zeros(5000)
+    zeros = kept.path({"mine": Stopped(neighbours=prior)}, 0)
+    assert kept.path({"mine": Stopped(neighbours=prior.copy())}, 0) == zeros
+    prior[2500] = 1
+    assert kept.path({"mine": Stopped(neighbours=prior)}, 0) != zeros
+
+
 def test_two_sites_of_the_same_scans(settings, tmp_path):
     site = opened_site(settings.data.test[0], settings)
     for name in ("monday.npz", "tuesday.npz"):

@@ -8,6 +8,7 @@ import warnings
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 
+import numpy as np
 import torch
 
 import hilbertvae
@@ -119,4 +120,6 @@ def _plain(value: object) -> object:
         return [value.fingerprint(), value.resolution_m, asdict(value.grid), value.map_weights]
     if isinstance(value, str) and Path(value).is_file():
         return file_sha256(value)
+    if isinstance(value, np.ndarray):
+        return [str(value.dtype), value.tolist()]  # as text a large one lacks its middle
     return asdict(value) if is_dataclass(value) else value
