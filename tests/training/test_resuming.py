@@ -132,6 +132,7 @@ def test_a_finished_run_is_not_trained_again(finished, tmp_path, monkeypatch):
     settings, path = finished
     before = shutil.copy(path, tmp_path)
     monkeypatch.setattr(ReconstructionModule, "training_step", lambda *arguments: pytest.fail("trained again"))
+    monkeypatch.setattr("hilbertvae.training.hilbert_map_callback.made_by", lambda: {"command": ["later"], "git": {"commit": "later"}})
     assert train(settings) == path
     assert_same(path, before)  # the file's bytes may differ: safetensors writes its header in any order
 

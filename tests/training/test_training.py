@@ -32,16 +32,6 @@ def test_a_run_leaves_a_checkpoint_that_maps(finished, room):
     assert np.isfinite(mapper.predict_proba(room.voxels.points)).all()
 
 
-def test_the_card_says_which_gpu_trained(finished, monkeypatch):
-    settings, path = finished
-    network, best = Reconstructor.load(path).network, f"{settings.output}/checkpoints/best.ckpt"
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    monkeypatch.setattr(torch.cuda, "get_device_name", lambda device: f"a GPU at {device}")
-    assert "trained_by" not in best_reconstructor(settings, network, best).card
-    on_gpu = replace(settings, trainer=replace(TRAINER, accelerator="gpu"))
-    assert best_reconstructor(on_gpu, network, best).card["trained_by"] == "a GPU at cuda"
-
-
 def test_the_card_says_what_lay_at_the_paths_it_was_trained_on(finished, tmp_path):
     settings, path = finished
     network, best = Reconstructor.load(path).network, f"{settings.output}/checkpoints/best.ckpt"

@@ -10,9 +10,7 @@ from lightning.pytorch.callbacks.early_stopping import EarlyStoppingReason
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 
 from hilbertvae.files import atomic
-from hilbertvae.reconstruction.precision import device_name
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.training.devices import training_device
 from hilbertvae.training.learned_as import KEY, learned_as
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import many_simulated, own_sites
@@ -66,7 +64,6 @@ def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) 
         "training_hash": training_hash(settings),
         "recipe_hash": recipe_hash(settings, before),
         **({"trained_on_sha256": contents} if (contents := own_sites(settings.data.train)) else {}),
-        **({"trained_by": device_name(device)} if (device := training_device(settings)) != "cpu" else {}),
         **({"started_from": before} if before else {}),
     }
     return Reconstructor(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 
 from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.precision import device_name
 from hilbertvae.training.settings import Settings
 
 
@@ -15,6 +16,12 @@ def training_device(settings: Settings) -> str:
         return "mps"
     on_gpu = accelerator in ("gpu", "cuda") or (accelerator == "auto" and torch.cuda.is_available())
     return "cuda" if on_gpu else "cpu"
+
+
+def training_gpu(settings: Settings) -> dict[str, str]:
+    """What a network's card says of the GPU that trains it; nothing of a CPU."""
+    device = training_device(settings)
+    return {} if device == "cpu" else {"trained_by": device_name(device)}
 
 
 def check_accelerator(settings: Settings) -> None:

@@ -15,7 +15,7 @@ from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.training.checkpoints import best_reconstructor
-from hilbertvae.training.devices import filling_device
+from hilbertvae.training.devices import filling_device, training_gpu
 from hilbertvae.training.kept_network import KeptNetwork
 from hilbertvae.training.kept_weights import KeptWeights
 from hilbertvae.training.opened_sites import opened_site
@@ -30,7 +30,7 @@ class HilbertMapCallback(L.Callback):
         self.settings, self.mappers, self.write, self.kept = settings, mappers, write, kept
         self.checkpoint = Path(settings.output) / "model.safetensors"
         self.seconds, self.before = {}, {}
-        self.made_by = made_by()  # now: the tree may change while the network trains
+        self.began = made_by() | training_gpu(settings)  # now: the tree may change while the network trains
         self.scoring = False
         self.since = time.perf_counter()
 
@@ -49,7 +49,7 @@ class HilbertMapCallback(L.Callback):
             return
         settings = self.settings
         reconstructor = best_reconstructor(settings, module.network, trainer.checkpoint_callback.best_model_path)
-        reconstructor.card.update(self.made_by)
+        reconstructor.card.update(self.began)
         if torch.cuda.is_available():
             torch.cuda.empty_cache()  # else what the training held is kept from the processes that fill maps
         mapper = HilbertMap(reconstructor, flips=settings.flips, device=filling_device(settings))
@@ -69,11 +69,13 @@ class HilbertMapCallback(L.Callback):
         score(settings, self.mappers, reconstructor, self.write)
 
     def state_dict(self) -> dict:
-        """Of a checkpoint: the seconds of what it holds, so that a run which goes on from it, or is repeated, has all of them."""
-        return {**self.seconds, "train": self._until_now("train")}
+        """Of a checkpoint: the seconds of what it holds, so that a run which goes on from it, or is repeated, has all of them; and what its
+        training began with: a run that only scores anew, by other code or on another machine, has trained nothing."""
+        return {**self.seconds, "train": self._until_now("train"), "began": self.began}
 
     def load_state_dict(self, state_dict: dict) -> None:
         self.before = dict(state_dict)
+        self.began = self.before.pop("began", self.began)  # older checkpoints have none
 
     def _lap(self, stage: str) -> None:
         self.seconds[stage], self.since = self._until_now(stage), time.perf_counter()
