@@ -38,6 +38,15 @@ def test_a_corridor_has_room_for_its_titles(shape, tmp_path, recwarn):
     assert min(image.size) > 200 and not recwarn.list
 
 
+@pytest.mark.parametrize("shape", [(60, 30), (59, 30)])
+def test_a_flat_map_takes_the_room_of_its_picture(shape, tmp_path):
+    """Two sheets one above the other are as wide as the picture; beside each other they have half of it each."""
+    index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
+    image = np.asarray(Image.open(write_picture(cells_of(index), tmp_path / "map.png", "")).convert("L"))
+    inked = np.count_nonzero((image < 250).any(axis=0))
+    assert inked > 0.8 * image.shape[1]
+
+
 def test_free_space_alone_is_no_fault(tmp_path):
     index = np.stack(np.meshgrid(*[np.arange(5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     assert write_picture(cells_of(index, probability=0.1), tmp_path / "map.png", "free").exists()

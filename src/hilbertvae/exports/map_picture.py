@@ -41,7 +41,7 @@ def _flat(cells: MapCells, title: str) -> Figure:
     extent = (left, left + shape[0] * cells.resolution_m, bottom, bottom + shape[1] * cells.resolution_m)
     wide = shape[0] >= 2 * shape[1]
     side = 7.0
-    width, height = (2 * side, side * shape[1] / shape[0]) if wide else (side * min(shape[0] / shape[1], 2), side)
+    width, height = (2 * side, 2 * side * shape[1] / shape[0]) if wide else (side * min(shape[0] / shape[1], 2), side)
     width, height = max(width, LEAST_IN), max(height, LEAST_IN)
     figure = new_figure(width + 1.2, 2 * height + 0.6) if wide else new_figure(2 * width + 1.2, height + 0.4)
     panels = figure.subplots(2, 1) if wide else figure.subplots(1, 2)
