@@ -111,3 +111,22 @@ def test_a_warning_is_a_line(tree, tmp_path, monkeypatch, capsys):
         warnings.simplefilter("always")
         assert query.main([f"map={tree}", f"points={tmp_path / 'asked.csv'}"]) == 0
     assert capsys.readouterr().err == "hilbertvae-query: was filled before\n"
+
+
+def test_rows_without_a_place_keep_theirs(folder, tmp_path, capsys):
+    """As an organised cloud has them, whose rows and columns are those of a camera or a lidar."""
+    (tmp_path / "asked.csv").write_text("x,y\n1.0,2.0\nnan,nan\n2.0,inf\n2.5,1.5\n")
+    (tmp_path / "placed.csv").write_text("x,y\n1.0,2.0\n2.5,1.5\n")
+    assert query.main([f"map={folder}", f"points={tmp_path / 'placed.csv'}"]) == 0
+    head, *placed = capsys.readouterr().out.splitlines()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert query.main([f"map={folder}", f"points={tmp_path / 'asked.csv'}"]) == 0
+    told = capsys.readouterr()
+    assert told.out.splitlines() == [head, placed[0], "nan,nan,nan,nan,0", "2.0,inf,nan,nan,0", placed[1]]
+    assert "2 of 4 points have NaN or inf for a place" in told.err
+    assert query.main([f"map={folder}", f"points={tmp_path / 'asked.csv'}", f"output={tmp_path / 'said.npz'}"]) == 0
+    said = np.load(tmp_path / "said.npz")
+    assert np.isnan(said["probability"]).tolist() == [False, True, True, False] and said["observed"].dtype == bool
+    (tmp_path / "nowhere.csv").write_text("x,y\nnan,nan\n")
+    assert query.main([f"map={folder}", f"points={tmp_path / 'nowhere.csv'}"]) == 2

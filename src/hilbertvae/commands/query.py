@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_points
+from hilbertvae.checks import InputError
 from hilbertvae.commands.keywords import from_home, run_command
 from hilbertvae.files import atomic
 from hilbertvae.scans.planar import FLAT_M
@@ -46,15 +46,22 @@ def run(settings: QuerySettings) -> None:
     if settings.output:
         _check_replaced(Path(settings.output), Path(settings.points), map_file)
     mapper = load_map(map_file)
-    points = check_points(read_points(settings.points).points, settings.points)
-    warn_if_rounded(points, settings.points)
-    if points.shape[1] == 3 and mapper.n_features_in_ == 2 and np.ptp(points[:, 2]) < FLAT_M:
-        if (height_m := points[0, 2]) != 0:  # of 0 as a PLY of a plan has it, `points.ply` among them
+    points = read_points(settings.points).points
+    placed = np.isfinite(points).all(axis=1)  # an organised cloud has rows without
+    warn_if_rounded(points[placed], settings.points)
+    if points.shape[1] == 3 and mapper.n_features_in_ == 2 and np.ptp(points[placed, 2]) < FLAT_M:
+        if (height_m := points[placed][0, 2]) != 0:  # of 0 as a PLY of a plan has it, `points.ply` among them
             warnings.warn(f"{settings.points}: the map is a plan, so the third coordinate, {height_m:g} m, is left out", stacklevel=2)
         points = points[:, :2]
     if points.shape[1] != mapper.n_features_in_:
         raise InputError(f"{settings.points}: expected {mapper.n_features_in_} coordinates, as the map has, got {points.shape[1]}")
-    answers = dict(zip(("probability", "std", "observed"), mapper.describe(points), strict=True))
+    if not placed.all():
+        nowhere = f"{np.count_nonzero(~placed)} of {len(points)} points have NaN or inf for a place"
+        warnings.warn(f"{settings.points}: {nowhere}; their answers are nan", stacklevel=2)
+    # Each answer stands in the row of its point, as in the cloud that was asked.
+    answers = {"probability": np.full(len(points), np.nan), "std": np.full(len(points), np.nan), "observed": np.zeros(len(points), bool)}
+    for answer, said in zip(answers.values(), mapper.describe(points[placed]), strict=True):
+        answer[placed] = said
     if settings.output and settings.output.endswith(".npz"):
         with atomic(settings.output) as temporary:
             np.savez_compressed(temporary, points=points, **answers)
