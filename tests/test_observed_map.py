@@ -188,6 +188,16 @@ def test_bad_images_are_named_and_take_no_memory(tmp_path, content, named):
     tracemalloc.stop()
 
 
+def test_an_image_finds_its_yaml_by_either_ending(tmp_path):
+    path = write_map(tmp_path, [[254, 0]])
+    known = labels(read_ros_map(tmp_path / "map.pgm"))
+    path.rename(tmp_path / "map.yml")
+    assert labels(read_ros_map(tmp_path / "map.pgm")) == known
+    (tmp_path / "map.yml").unlink()
+    with pytest.raises(InputError, match="map.yaml: no such file"):
+        read_ros_map(tmp_path / "map.pgm")
+
+
 def test_missing_and_foreign_files(tmp_path):
     with pytest.raises(InputError, match="none.yaml: no such file"):
         read_ros_map(tmp_path / "none.pgm")

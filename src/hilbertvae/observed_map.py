@@ -96,9 +96,9 @@ class RosHeader:
 def read_ros_map(path: str | os.PathLike, resolution_m: float | None = None) -> Cloud:
     """The cells of a map_server map that are occupied or free, as a labelled 2D cloud; unknown ones are left out.
 
-    path: the YAML file, or the image beside it. Modes, `negate`, thresholds and an origin with a yaw are map_server's. But 205 is unknown
-    in trinary maps whatever `free_thresh` says, and transparent pixels are unknown. Cells with a probability count as occupied above
-    0.6 and as free up to 0.4.
+    path: the YAML file, `.yaml` or `.yml`, or the image beside it. Modes, `negate`, thresholds and an origin with a yaw are
+    map_server's. But 205 is unknown in trinary maps whatever `free_thresh` says, and transparent pixels are unknown. Cells with a
+    probability count as occupied above 0.6 and as free up to 0.4.
     resolution_m: see `cloud_of_cells`.
     Raises `InputError` for files that are missing or damaged, wrong keys, forged sizes, and a map without a known cell.
     """
@@ -128,7 +128,8 @@ def ros_map_header(path: str | os.PathLike) -> RosHeader:
     `read_ros_map` does."""
     path = Path(path)
     if path.suffix.lower() not in (".yaml", ".yml"):
-        path = path.with_suffix(".yaml")
+        beside = path.with_suffix(".yaml"), path.with_suffix(".yml")
+        path = next((file for file in beside if file.exists()), beside[0])
     with reading(path, "a map_server YAML file"):
         if path.stat().st_size > MOST_YAML_BYTES:
             raise InputError(f"{path}: expected a map_server YAML file, which is short, got {path.stat().st_size} bytes")
