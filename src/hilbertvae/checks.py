@@ -18,8 +18,9 @@ def check_points(points, name: str = "points", dimension: int | None = None, all
     try:
         points = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError, RuntimeError) as error:  # the last is torch's, of what has a gradient
+        of_kind = f" of {points.dtype}" if isinstance(points, np.ndarray) else ""  # named fields, or rows of several lengths
         said = f" ({error})" if isinstance(error, RuntimeError) else ""
-        raise InputError(f"{name}: expected an (N, D) array of numbers, got {type(points).__name__}{said}") from error
+        raise InputError(f"{name}: expected an (N, D) array of numbers, got {type(points).__name__}{of_kind}{said}") from error
     wanted = f"(N, {dimension})" if dimension else "(N, 2) or (N, 3)"
     if points.ndim != 2 or points.shape[1] not in ((dimension,) if dimension else (2, 3)):
         raise InputError(f"{name}: expected shape {wanted}, got {points.shape}")

@@ -96,6 +96,18 @@ def test_points_with_a_gradient_are_refused_as_torch_says():
             ask(points)
 
 
+def test_arrays_with_named_fields_are_refused():
+    """As readers of ROS clouds and of PCD files give them."""
+    points, occupied = np.random.default_rng(0).random((60, 2)), np.arange(60) % 2 == 0
+    fields = np.zeros(60, [("x", "f4"), ("y", "f4")])
+    with pytest.raises(InputError, match="points, y, sample_weight: Cannot cast .*'x'"):
+        HilbertMap(grid=tiny_grid()).fit(fields, occupied)
+    mapper = HilbertMap(grid=tiny_grid()).fit(points, occupied)
+    for ask in (mapper.predict_proba, mapper.observed):
+        with pytest.raises(InputError, match="queries: Cannot cast .*'x'"):
+            ask(fields)
+
+
 @pytest.mark.parametrize(
     ("queries", "message"),
     [([[0.0, np.nan]], "queries: .*NaN"), ([[0.0, 1.0, 2.0]], "queries: .*features"), ([0.0, 1.0], "queries: .*2D array")],

@@ -29,8 +29,9 @@ ROUNDING = 1e-9
 FARTHEST_M = 1e100
 """Queries farther out are asked there: the square of a longer distance would be no number, and everything is as far away. Points that a
 map is made of may not lie there."""
-REFUSED = (ValueError, RuntimeError)
-"""What scikit-learn and, of tensors that have a gradient, torch raise for arrays that are no points."""
+REFUSED = (ValueError, RuntimeError, TypeError)
+"""What scikit-learn, of tensors that have a gradient torch, and of arrays with named fields, as ROS and PCD readers give them, numpy raise
+for what are no points."""
 
 
 def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.ndarray, chunk: int, columns: int | None = None) -> np.ndarray:
@@ -51,7 +52,7 @@ def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.nda
     return answers
 
 
-def _plain(error: ValueError | RuntimeError) -> str:
+def _plain(error: Exception) -> str:
     """What scikit-learn says of arrays, but of NaN and inf the first line alone: the others advise other estimators."""
     first = str(error).partition("\n")[0]
     return first if "contains" in first else str(error)
