@@ -81,3 +81,9 @@ def test_what_is_no_mapper_is_refused(room):
 
     with pytest.raises(InputError, match="^mapper: expected a hilbertvae.mappers.mapper.Mapper, got KNeighborsClassifier"):
         evaluate(KNeighborsClassifier(), room, PROTOCOL)
+
+
+def test_a_reference_is_no_site():
+    """`data.test=` takes one; here it has to be opened first."""
+    with pytest.raises(InputError, match=r"^site: expected a hilbertvae.site.Site, as open_site makes it, got str"):
+        evaluate(Own(lambda queries: np.full(len(queries), 0.3)), "simulated:7", PROTOCOL)

@@ -51,6 +51,8 @@ def evaluate(mapper: Mapper, site: Site, protocol: Protocol, name: str = "mapper
 def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, progress=None) -> Result:
     """`evaluate` of mappers by name that fit alike (`Mapper.fits_like`): the first is fitted for all, and its seconds are theirs."""
     protocol.check()
+    if not isinstance(site, Site):  # a name or a path is one elsewhere
+        raise InputError(f"site: expected a hilbertvae.site.Site, as open_site makes it, got {type(site).__name__}")
     for name, mapper in mappers.items():
         if not isinstance(mapper, Mapper):
             raise InputError(f"{name}: expected a hilbertvae.mappers.mapper.Mapper, got {type(mapper).__name__}")
