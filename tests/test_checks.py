@@ -22,7 +22,7 @@ def test_points_come_back_as_float64():
         ([[1.0, 2.0], [3.0]], {}, "array of numbers, got list"),
         ("points", {}, "array of numbers, got str"),
         ([["a", "b"]], {}, "array of numbers"),
-        (np.zeros(3, [("x", "f4"), ("y", "f4")]), {}, r"array of numbers, got ndarray of \[\('x', '<f4'\)"),
+        (np.zeros(3, [("x", "f4"), ("y", "f4")]), {}, "expected plain numbers, got an array with the fields x, y; stack"),
         ([[0.0, np.nan], [0.0, 0.0], [np.inf, 1.0]], {}, "2 of 3 points with NaN or inf"),
     ],
 )

@@ -14,13 +14,12 @@ class InputError(ValueError):
 
 def check_points(points, name: str = "points", dimension: int | None = None, allow_empty: bool = False, hint: str = "") -> np.ndarray:
     """`points` as a finite (N, D) float64 array, D 2 or 3 (or `dimension`); an `InputError` otherwise. hint: what to do about a NaN."""
-    refuse_masked(points, name)
+    refuse_more_than_numbers(points, name)
     try:
         points = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError, RuntimeError) as error:  # the last is torch's, of what has a gradient
-        of_kind = f" of {points.dtype}" if isinstance(points, np.ndarray) else ""  # named fields, or rows of several lengths
         said = f" ({error})" if isinstance(error, RuntimeError) else ""
-        raise InputError(f"{name}: expected an (N, D) array of numbers, got {type(points).__name__}{of_kind}{said}") from error
+        raise InputError(f"{name}: expected an (N, D) array of numbers, got {type(points).__name__}{said}") from error
     wanted = f"(N, {dimension})" if dimension else "(N, 2) or (N, 3)"
     if points.ndim != 2 or points.shape[1] not in ((dimension,) if dimension else (2, 3)):
         raise InputError(f"{name}: expected shape {wanted}, got {points.shape}")
@@ -33,8 +32,11 @@ def check_points(points, name: str = "points", dimension: int | None = None, all
     return points
 
 
-def refuse_masked(points, name: str) -> None:
-    """An `InputError` for an array some of whose values are masked: what is behind a mask would count as if it were not."""
+def refuse_more_than_numbers(points, name: str) -> None:
+    """An `InputError` for an array some of whose values are masked, since what is behind a mask would count as if it were not; and for one
+    with named fields, as readers of ROS clouds and PCD files give them, which numpy makes no numbers of."""
+    if names := getattr(getattr(points, "dtype", None), "names", None):
+        raise InputError(f"{name}: expected plain numbers, got an array with the fields {', '.join(names)}; stack them as columns")
     if np.ma.is_masked(points):
         raise InputError(f"{name}: expected no masked values, got {np.count_nonzero(np.ma.getmaskarray(points))}; leave them out")
 

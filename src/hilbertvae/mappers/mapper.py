@@ -16,7 +16,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from hilbertvae.checks import InputError, check_whole, refuse_masked
+from hilbertvae.checks import InputError, check_whole, refuse_more_than_numbers
 from hilbertvae.cores import FEW, on_all_cores
 
 OCCUPIED_ABOVE = 0.6
@@ -29,9 +29,8 @@ ROUNDING = 1e-9
 FARTHEST_M = 1e100
 """Queries farther out are asked there: the square of a longer distance would be no number, and everything is as far away. Points that a
 map is made of may not lie there."""
-REFUSED = (ValueError, RuntimeError, TypeError)
-"""What scikit-learn, of tensors that have a gradient torch, and of arrays with named fields, as ROS and PCD readers give them, numpy raise
-for what are no points."""
+REFUSED = (ValueError, RuntimeError)
+"""What scikit-learn and, of tensors that have a gradient, torch raise for arrays that are no points."""
 
 
 def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.ndarray, chunk: int, columns: int | None = None) -> np.ndarray:
@@ -52,7 +51,7 @@ def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.nda
     return answers
 
 
-def _plain(error: Exception) -> str:
+def _plain(error: ValueError | RuntimeError) -> str:
     """What scikit-learn says of arrays, but of NaN and inf the first line alone: the others advise other estimators."""
     first = str(error).partition("\n")[0]
     return first if "contains" in first else str(error)
@@ -200,7 +199,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
     def _checked_cloud(self, points, y, sample_weight, first: bool = True):
         self.check_settings()
         for name, values in (("points", points), ("y", y), ("sample_weight", sample_weight)):
-            refuse_masked(values, name)
+            refuse_more_than_numbers(values, name)
         try:
             points, y = validate_data(self, points, y, dtype=np.float64, reset=first)
             check_classification_targets(y)
@@ -219,7 +218,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
         return points, y, weight
 
     def _checked(self, queries):
-        refuse_masked(queries, "queries")
+        refuse_more_than_numbers(queries, "queries")
         try:
             queries = validate_data(self, queries, reset=False, dtype=np.float64, ensure_min_samples=0)
         except REFUSED as error:
