@@ -111,7 +111,8 @@ def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = Non
         network = None if fingerprint is None else RecordedNetwork(str(fingerprint), checkpoint, path.parent / ADAPTED)
         return _restored(described, arrays, network, device)
     except (SafetensorError, OSError) as error:
-        raise InputError(f"{path}: not a map of hilbertvae, or damaged ({error}); expected a file that save_map wrote") from error
+        wanted = "expected a file that save_map wrote, as map.safetensors of hilbertvae-map is"
+        raise InputError(f"{path}: not a map of hilbertvae, or damaged ({error}); {wanted}") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RecursionError) as error:
