@@ -68,6 +68,13 @@ def test_kernel_values():
     assert tuple(LIKELIHOODS) == LIKELIHOOD_KINDS
 
 
+def test_one_of_ones_own_can_be_chosen(monkeypatch):
+    with pytest.raises(InputError, match="^likelihood.kind: expected one of bernoulli, gaussian, got 'mine'"):
+        LikelihoodSettings(kind="mine")
+    monkeypatch.setitem(LIKELIHOODS, "mine", Bernoulli)
+    assert LikelihoodSettings(kind="mine").kind == "mine"
+
+
 def test_kl_is_that_of_torch():
     generator = torch.Generator().manual_seed(0)
     mean, std = torch.randn(5, 7, generator=generator), torch.rand(5, 7, generator=generator) + 0.05

@@ -8,8 +8,9 @@ import pytest
 import torch
 from torch import nn
 
+from hilbertvae.checks import InputError
 from hilbertvae.training.optimizers import NEWTON_SCHULZ, OPTIMIZERS, ROUNDS, Muon, orthogonalised, parameter_groups
-from hilbertvae.training.settings import OPTIMIZERS as KINDS
+from hilbertvae.training.settings import OPTIMIZER_KINDS, TrainerSettings
 
 RATE, DECAY = 0.01, 0.1
 
@@ -95,7 +96,14 @@ def test_the_rest_takes_what_adamw_takes():
 
 
 def test_settings_know_all_of_them():
-    assert tuple(OPTIMIZERS) == KINDS
+    assert tuple(OPTIMIZERS) == OPTIMIZER_KINDS
+
+
+def test_one_of_ones_own_can_be_chosen(monkeypatch):
+    with pytest.raises(InputError, match="^trainer.optimizer: expected one of muon, adamw, got 'mine'"):
+        TrainerSettings(optimizer="mine").check()
+    monkeypatch.setitem(OPTIMIZERS, "mine", Muon)
+    TrainerSettings(optimizer="mine").check()
 
 
 @pytest.mark.parametrize("kind", OPTIMIZERS)

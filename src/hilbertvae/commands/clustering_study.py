@@ -20,7 +20,8 @@ from hilbertvae.training.settings import Settings
 def run_clustering(settings: Settings, again: bool = True) -> int:
     """Try `grid.start` as `study` says, on returns of the first test site where it asks for them; the exit code."""
     path = Path(settings.output) / NAME
-    site, source = settings.data.test[0] if settings.study.cloud == "returns" else None, settings.source()
+    source = settings.source()
+    site = settings.data.test[0] if settings.study.cloud == "returns" else None
     if site:
         source.check(site)
     tested = source.made_of(site) if site else None

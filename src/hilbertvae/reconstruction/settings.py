@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from hilbertvae.checks import InputError, check_not_negative
 
 LIKELIHOOD_KINDS = ("bernoulli", "gaussian")
+"""Those of the package; one of somebody's own is looked for among `LIKELIHOODS`."""
 KERNEL = 3
 """Cells along an axis of a residual block's convolutions."""
 
@@ -91,7 +92,10 @@ class LikelihoodSettings:
 
     def __post_init__(self):
         if self.kind not in LIKELIHOOD_KINDS:
-            raise InputError(f"likelihood.kind: expected one of {', '.join(LIKELIHOOD_KINDS)}, got {self.kind!r}")
+            from hilbertvae.reconstruction.likelihood import LIKELIHOODS  # late: torch
+
+            if self.kind not in LIKELIHOODS:
+                raise InputError(f"likelihood.kind: expected one of {', '.join(LIKELIHOODS)}, got {self.kind!r}")
         check_not_negative(self.observed_weight, "likelihood.observed_weight")
         check_not_negative(self.known_weight, "likelihood.known_weight")
         if not 0 <= self.vote_power <= 1:

@@ -25,7 +25,8 @@ TASKS = ("maps", "clustering")
 TRAINED = "trained"
 """What a mapper's `reconstructor` is set to when it takes the network of the run; any other text is a checkpoint's path."""
 ACCELERATORS = ("auto", "cpu", "gpu", "cuda", "mps")
-OPTIMIZERS = ("muon", "adamw")
+OPTIMIZER_KINDS = ("muon", "adamw")
+"""Those of the package; one of somebody's own is looked for among `OPTIMIZERS`."""
 PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed")
 MOST_THREADS = 1024
 
@@ -111,7 +112,11 @@ class TrainerSettings:
 
     def check(self) -> None:
         """An `InputError` that names the key for a value that trains nothing."""
-        for key, known in (("accelerator", ACCELERATORS), ("precision", PRECISIONS), ("optimizer", OPTIMIZERS)):
+        optimizers = OPTIMIZER_KINDS
+        if self.optimizer not in optimizers:
+            from hilbertvae.training.optimizers import OPTIMIZERS as optimizers  # late: torch
+
+        for key, known in (("accelerator", ACCELERATORS), ("precision", PRECISIONS), ("optimizer", optimizers)):
             if (value := getattr(self, key)) not in known:
                 raise InputError(f"trainer.{key}: expected one of {', '.join(known)}, got {value!r}")
         if self.initial and not Path(self.initial).is_file():
