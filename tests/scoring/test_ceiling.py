@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from hilbertvae.mappers.constant import ConstantMapper
+from hilbertvae.reports.score_table import rows_of
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scoring.ceiling import ceiling
 from hilbertvae.scoring.protocol import Protocol, evaluate
@@ -36,3 +37,12 @@ def test_a_sensor_at_the_edge_of_the_map(dimension):
     site = Site("edge", Scans(points, origins, np.arange(4000) // 200, np.arange(4000) % 200), 0.1)
     found = evaluate(ConstantMapper(), site, Protocol(gap_seeds=[0], gap_ratio=0.5, cluster_size_m=1.2), "all")
     assert found.ceiling["points"]["recall"] > 0.9
+
+
+def test_held_out_beams_that_met_nothing_say_nothing_of_a_best():
+    """As few beams as a tenth rarely is of; 0 / 0 would read as if nobody could do better."""
+    site = Site("two", Scans(np.array([[3.0, 1.0], [2.0, 2.5]]), np.full((2, 2), 0.05), np.zeros(2, int), np.arange(2, 4)), 0.1)
+    assert not site.points.occupied[site.points_held_out].any()
+    assert ceiling(site) == {}
+    found = evaluate(ConstantMapper(), site, Protocol(gap_seeds=[0], gap_ratio=0.5, cluster_size_m=1.2), "all")
+    assert rows_of(found, "points", metrics={"precision": "P"})[-1] == ["ceiling", "-", "-"]

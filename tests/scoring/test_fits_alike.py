@@ -39,6 +39,31 @@ def test_one_fit_serves_two_calibrations(place, interpolated, monkeypatch):
     assert together.seconds["voxels"]["fit"] == together.seconds["points"]["fit"]
 
 
+class Worn(HilbertMap):
+    """Fits as a `HilbertMap` does, and fails when it is asked: of probabilities, or of their spread."""
+
+    def fits_like(self, other):
+        return isinstance(other, HilbertMap)
+
+    def predict_proba(self, queries):
+        if self.calibration == "points":
+            raise MemoryError("too many queries")
+        return super().predict_proba(queries)
+
+    def predict_std(self, queries):
+        return np.full(len(queries), np.nan)
+
+
+def test_one_that_fails_takes_none_with_it_that_fits_alike(room):
+    made, lines = network(), []
+    mappers = {"voxels": HilbertMap(made), "points": Worn(made, calibration="points"), "spread": Worn(made)}
+    assert len(alike(mappers)) == 1
+    found = evaluate_all(mappers, room, PROTOCOL, lines.append)
+    assert found.failed["points"] == "MemoryError: too many queries" and found.failed["spread"].startswith("ValueError: Worn answered ")
+    assert found.failed["spread"].endswith(" spreads with NaN") and sum("failed" in line for line in lines) == 2
+    assert found.scores == evaluate_all({"voxels": HilbertMap(made)}, room, PROTOCOL).scores and len(found.gaps) == 2
+
+
 @pytest.mark.parametrize(
     "change",
     [{"flips": 1}, {"neighbours": 3}, {"evidence": False}, {"inner_radius_m": 2.0}, {"weights": "cluster"}, {"calibration": "pixels"}],

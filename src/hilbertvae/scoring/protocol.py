@@ -120,7 +120,7 @@ class _Found:
                 if region == "gaps":
                     self.curves[reading].append(_curve(asked.occupied[chosen], probability[chosen]))
                     if reading == "voxels" and hasattr(mapper, "predict_std"):
-                        spread = mapper.predict_std(asked.points[chosen])
+                        spread = _known(mapper.predict_std(asked.points[chosen]), mapper)
                         for metric, value in error_ranking(asked.occupied[chosen], probability[chosen], spread).items():
                             self.rows[reading][region][metric].append(value)
         return taken / max(sum(len(asked.points) for asked in case.asked.values()), 1) * 1e6
@@ -154,10 +154,13 @@ def _ask(mapper: Mapper, queries: np.ndarray) -> tuple[np.ndarray, float]:
     start = time.perf_counter()
     probability = mapper.predict_proba(queries)[:, 1]
     taken = time.perf_counter() - start
-    if not np.isfinite(probability).all():
-        wrong = np.count_nonzero(~np.isfinite(probability))
-        raise ValueError(f"{type(mapper).__name__} answered {wrong} of {len(queries)} queries with NaN")
-    return probability, taken
+    return _known(probability, mapper, "queries"), taken
+
+
+def _known(answers: np.ndarray, mapper: Mapper, what: str = "spreads") -> np.ndarray:
+    if wrong := np.count_nonzero(~np.isfinite(answers)):
+        raise ValueError(f"{type(mapper).__name__} answered {wrong} of {len(answers)} {what} with NaN")
+    return answers
 
 
 def _curve(occupied: np.ndarray, probability: np.ndarray) -> list[float]:
@@ -176,25 +179,33 @@ def evaluate_all(mappers: dict[str, Mapper], site: Site, protocol: Protocol, pro
     `keep(mappers, seed, result)`, so that an evaluation which was stopped goes on.
     """
     protocol.check()  # as a whole: each seed alone may well do
+    every = None
+    for seed in protocol.gap_seeds:  # all mappers in turn, since a site remembers the cases of few seeds
+        going = {name: mapper for name, mapper in mappers.items() if every is None or name not in every.failed}
+        found = _evaluate_groups(alike(going), site, replace(protocol, gap_seeds=[seed]), progress, kept)
+        every = found if every is None else every.followed_by(found)
+    return every
+
+
+def _evaluate_groups(groups: list[dict[str, Mapper]], site: Site, protocol: Protocol, progress, kept) -> Result:
+    """One `Result` of mappers that fit alike by groups, with one gap seed. Where a group fails, each of it is evaluated alone: one of them
+    may have failed the others."""
     best = site.remember("ceiling", lambda: ceiling(site))
     every = Result(site.name, site.dimension, protocol.gap_diameter_m, list(protocol.gap_seeds), best, protocol=asdict(protocol))
-    groups = {tuple(group): group for group in alike(mappers)}
-    found: dict[tuple, Result] = {}
-    for seed in protocol.gap_seeds:  # all mappers in turn, since a site remembers the cases of few seeds
-        for names, group in list(groups.items()):
-            try:
-                part = _evaluate_seed(group, site, replace(protocol, gap_seeds=[seed]), progress, kept)
-            except Exception as error:
-                del groups[names]
-                for name in names:
-                    every.failed[name] = f"{type(error).__name__}: {error}"
-                    if progress:
-                        progress(f"{name} on {site.name} failed: {every.failed[name]}")
+    for group in groups:
+        try:
+            found = _evaluate_seed(group, site, protocol, progress, kept)
+        except Exception as error:
+            if len(group) > 1:
+                found = _evaluate_groups([{name: mapper} for name, mapper in group.items()], site, protocol, progress, kept)
             else:
-                found[names] = found[names].followed_by(part) if names in found else part
-    for names in groups:
-        every.add(found[names])
-        every.gaps = found[names].gaps
+                (name,) = group
+                why = f"{type(error).__name__}: {error}"
+                found = replace(every, scores={}, seconds={}, maps={}, curves={}, gaps=[], failed={name: why})
+                if progress:
+                    progress(f"{name} on {site.name} failed: {why}")
+        every.gaps = every.gaps or found.gaps
+        every.add(found)
     return every
 
 
