@@ -6,6 +6,8 @@ from hydra import compose, initialize_config_dir
 from hilbertvae.commands.configuration import CONF
 
 RANDOM_FEATURES = ("hm-fourier", "hm-nystroem")
+FEW = ("cvae-hm-quick", "cae-hm-quick")
+"""Cases of a table that stand for all where the command itself is tried."""
 
 
 def narrowed(*overrides: str) -> list[str]:

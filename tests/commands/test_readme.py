@@ -4,14 +4,13 @@ test's own. The README's scores are those of the result files."""
 import json
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
-from narrow_networks import narrowed
+from narrow_networks import FEW, narrowed
+from warm_start import train
 
 from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.map import main as map_scans
@@ -75,12 +74,12 @@ def test_there_is_something_to_execute():
 def test_command(command, tmp_path, checkpoint):
     words = shlex.split(command.replace("outputs/run/model.safetensors", str(checkpoint)))[1:]
     if "--cfg" in words:
-        done = subprocess.run([sys.executable, "-m", "hilbertvae.train", *words], capture_output=True, text=True, check=True)
-        assert "cluster_diameter_m" in done.stdout
+        done = train(tmp_path, *words)
+        assert done.returncode == 0 and "cluster_diameter_m" in done.stdout
         return
     if "-m" in words:
-        command = [sys.executable, "-m", "hilbertvae.train", *words, "debug=fast", "trainer.threads=1"]
-        subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+        few = [f"cases/{word.removeprefix('+sweep=')}={','.join(FEW)}" for word in words if word.startswith("+sweep=")]
+        assert train(tmp_path, *words, *few, "debug=fast", "trainer.threads=1").returncode == 0
         (made,) = (tmp_path / "outputs/debug").iterdir()
         assert table([str(made)]) == 0 and (made / "table.md").is_file()
         return

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_dir
-from narrow_networks import narrowed
+from narrow_networks import FEW, narrowed
+from warm_start import train
 
 from hilbertvae.clusters.starts import STARTS
 from hilbertvae.commands.configuration import CONF, SWEEPS, to_settings
@@ -28,8 +29,8 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 
 NAMES = sorted(path.stem for path in (SWEEPS / "sweep").glob("*.yaml"))
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-RUN_ELSEWHERE = re.findall(r"^\.venv/bin/hilbertvae-train -m \+sweep=(\w+)", README, re.MULTILINE)
-"""Sweeps whose quick cases `test_readme.py` runs."""
+RUN_ELSEWHERE = list(product(re.findall(r"^\.venv/bin/hilbertvae-train -m \+sweep=(\w+)", README, re.MULTILINE), FEW))
+"""Cases of sweeps that `test_readme.py` runs."""
 CASES = sorted((path.parent.name, path.stem) for path in (SWEEPS / "cases").glob("*/*.yaml"))
 TRAIN = [sys.executable, "-m", "hilbertvae.train"]
 
@@ -60,7 +61,7 @@ def shared(tmp_path_factory) -> list[str]:
 
 
 class TestEveryYaml:
-    @pytest.mark.parametrize(("sweep", "case"), [case for case in CASES if case[0] not in RUN_ELSEWHERE or size_of(*case) == "full"])
+    @pytest.mark.parametrize(("sweep", "case"), [case for case in CASES if case not in RUN_ELSEWHERE])
     def test_case_runs(self, sweep, case, tmp_path, shared):
         chosen = [f"sweep={sweep}", f"cases/{sweep}={case}", f"size={size_of(sweep, case)}", "debug=fast"]
         settings = settings_of(*narrowed(*chosen), "evaluation.occlusion=false", f"output={tmp_path / 'run'}", *shared)
@@ -99,20 +100,27 @@ def jobs_of(sweep: str, size: str = "quick") -> list[list[str]]:
     return [[f"{key}={value}" for key, value in zip(parameters, chosen, strict=True)] for chosen in product(*parameters.values())]
 
 
-def multirun(folder: Path, *overrides: str, **options) -> subprocess.CompletedProcess:
-    command = [*TRAIN, "-m", "+sweep=ablation", "debug=fast", "trainer.threads=1", *overrides]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment(), **options)
+ABLATION = ("-m", "+sweep=ablation", "debug=fast", "trainer.threads=1", "evaluation.occlusion=false")
+
+
+def multirun(folder: Path, *overrides: str) -> subprocess.CompletedProcess:
+    return train(folder, *ABLATION, *overrides)
 
 
 def environment() -> dict[str, str]:
     return {**os.environ, "OMP_NUM_THREADS": "1"}
 
 
+def by_itself(folder: Path, *overrides: str) -> subprocess.CompletedProcess:
+    """The same in a process like a user's, for what starts processes of its own."""
+    command = [*TRAIN, *ABLATION, *overrides]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment())
+
+
 def test_starts_of_a_clustering_are_compared_and_tabled(tmp_path):
     """Figure 2 trains nothing: its jobs leave files of another kind."""
-    command = [*TRAIN, "-m", "+sweep=fig2", "debug=fast", "study.cloud=uniform"]
     for _ in range(2):
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=environment())
+        done = train(tmp_path, "-m", "+sweep=fig2", "debug=fast", "study.cloud=uniform")
         assert done.returncode == 0 and "5 of 5 jobs have results" in done.stdout, done.stderr
     assert done.stdout.count("finished before") == 5
     folder = tmp_path / "outputs/debug/fig2-quick"
@@ -123,8 +131,7 @@ def test_starts_of_a_clustering_are_compared_and_tabled(tmp_path):
 
 def test_a_study_that_is_refused_leaves_word_and_what_an_earlier_one_found(tmp_path):
     def launch(*words):
-        command = [*TRAIN, "-m", "+sweep=fig2", "debug=fast", "start=random", *words]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=environment())
+        return train(tmp_path, "-m", "+sweep=fig2", "debug=fast", "start=random", *words)
 
     path = tmp_path / "outputs/debug/fig2-quick/random-seed0/clustering.json"
     done = launch("study.sizes=[10000000]")
@@ -150,7 +157,7 @@ def test_jobs_of_earlier_launches_stay_listed(tmp_path):
 class TestASweepSurvives:
     def test_killed_it_goes_on_where_it_was(self, tmp_path):
         chosen = ["cases/ablation=default,weights-unit,dropout-0.2"]
-        command = [*TRAIN, "-m", "+sweep=ablation", "debug=fast", "trainer.threads=1", *chosen]
+        command = [*TRAIN, *ABLATION, *chosen]
         folder = tmp_path / "outputs/debug/ablation-quick"
         with open(tmp_path / "log", "w") as log:
             started = subprocess.Popen(command, cwd=tmp_path, stdout=log, stderr=log, env=environment(), start_new_session=True)
@@ -209,17 +216,16 @@ class TestASweepSurvives:
         assert about["config"]["case"] == "default"
 
     def test_a_multirun_that_is_no_sweep_says_what_failed(self, tmp_path):
-        command = [*TRAIN, "-m", "debug=fast", "mapper=[nearest]", "seed=-1,0"]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, env=environment())
+        done = train(tmp_path, "-m", "debug=fast", "mapper=[nearest]", "pictures=false", "seed=-1,0")
         assert done.returncode == 1 and "1 of 2 jobs have results" in done.stdout
         assert "FAILED gated_small-seed-1: run: InputError: seed" in done.stdout
 
     def test_a_multirun_that_only_trains_is_finished_with_its_networks(self, tmp_path):
-        command = [*TRAIN, "-m", "debug=fast", "trainer.threads=1", "mapper=[]", "data.test=[]", "seed=0,1"]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True, env=environment())
-        assert "2 of 2 jobs have results" in done.stdout and "FAILED" not in done.stdout
+        words = ["-m", "debug=fast", "trainer.threads=1", "mapper=[]", "data.test=[]"]
+        done = train(tmp_path, *words, "seed=0,1")
+        assert done.returncode == 0 and "2 of 2 jobs have results" in done.stdout and "FAILED" not in done.stdout
         assert "gated_small-seed1: trained, nothing scored" in done.stdout
-        again = subprocess.run([*command[:-1], "seed=1,-1"], cwd=tmp_path, capture_output=True, text=True, check=False, env=environment())
+        again = train(tmp_path, *words, "seed=1,-1")
         assert "seed1: finished before" in again.stdout and "1 of 2 jobs have results" in again.stdout
         assert "FAILED gated_small-seed-1: run: InputError: seed" in again.stdout
 
@@ -248,11 +254,11 @@ class TestASweepSurvives:
         ],
     )  # fmt: skip
     def test_the_name_that_is_proposed_for_folders_tells_jobs_apart(self, tmp_path, varied, name, expected):
-        words = [*TRAIN, "-m", "debug=fast", "mapper=[all-occupied]", "evaluation.occlusion=false", "pictures=false", *varied]
-        refused = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+        words = ["-m", "debug=fast", "mapper=[all-occupied]", "evaluation.occlusion=false", "pictures=false", *varied]
+        refused = train(tmp_path, *words)
         named = re.search(r"add '(hydra.sweep.subdir=.*)'", refused.stderr)[1]
         assert named == f"hydra.sweep.subdir={name}"
-        subprocess.run([*words, named], cwd=tmp_path, capture_output=True, check=True)
+        assert train(tmp_path, *words, named).returncode == 0
         assert {path.parent.name for path in tmp_path.glob("outputs/debug/run/*/result.json")} == expected
 
     def test_stopped_half_way_a_job_has_no_result_of_other_settings(self, tmp_path, monkeypatch):
@@ -275,7 +281,7 @@ class TestASweepSurvives:
 @pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
 def test_launchers_run_the_jobs(launcher, tmp_path):
     pytest.importorskip({"joblib": "hydra_plugins.hydra_joblib_launcher", "submitit_local": "submitit"}[launcher])
-    done = multirun(tmp_path, "cases/ablation=default,weights-unit", f"launcher={launcher}")
+    done = by_itself(tmp_path, "cases/ablation=default,weights-unit", f"launcher={launcher}")
     assert done.returncode == 0, done.stderr
     for case in ("default", "weights-unit"):
         result, _ = read_result(tmp_path / f"outputs/debug/ablation-quick/{case}-seed0/result.json")
@@ -286,13 +292,12 @@ def test_launchers_run_the_jobs(launcher, tmp_path):
 def test_two_processes_train_one_network(tmp_path):
     """In each job of a sweep, also in a launcher's worker; the second process takes part in its own job alone, else it would wait in the
     next one for ever."""
-    jobs = ["launcher=joblib", "hydra.launcher.n_jobs=1", "cases/ablation=default,unmasked,weights-unit"]
-    done = multirun(tmp_path, *jobs, "trainer=ddp", "trainer.accelerator=cpu")
+    jobs = ["launcher=joblib", "hydra.launcher.n_jobs=1", "cases/ablation=default,unmasked"]
+    done = by_itself(tmp_path, *jobs, "trainer=ddp", "trainer.accelerator=cpu")
     assert done.returncode == 0, done.stderr
     for case in ("default", "unmasked"):
         folder = tmp_path / f"outputs/debug/ablation-quick/{case}-seed0"
         result, about = read_result(folder / "result.json")
         assert not result.failed and about["config"]["trainer"]["devices"] == 2
         assert sorted(path.name for path in (folder / "checkpoints").iterdir()) == ["best.ckpt", "last.ckpt"]
-    assert read_result(tmp_path / "outputs/debug/ablation-quick/weights-unit-seed0/result.json")[0].scores
     assert not (tmp_path / "outputs/debug/ablation-quick/result.json").exists()
