@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -23,6 +25,15 @@ def test_some_is_kept_and_some_is_not(dimension, seed):
         kept = random_occlusion(scans, seed)
         assert kept.shape == (len(scans),) and kept.any() and not kept.all()
         np.testing.assert_array_equal(random_occlusion(scans, seed), kept)
+
+
+@pytest.mark.parametrize("first", [7, 4000])
+def test_numbers_count_from_the_first_scan(first):
+    """As of a part of a drive, or of frames of a recording: what is hidden is what would be of the same scans from 0 on."""
+    scans = SITES[2]
+    later = replace(scans, scan=scans.scan + first)
+    for seed in range(30):
+        np.testing.assert_array_equal(random_occlusion(later, seed), random_occlusion(scans, seed))
 
 
 def way(name, scans, seed):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hilbertvae.scans.scan import Scans
@@ -20,8 +22,11 @@ def random_occlusion(scans: Scans, seed: int) -> np.ndarray:
 
     One of three ways, drawn from `seed`: every k-th scan (a robot that drives by fast), a stretch of the drive (one that has not been
     everywhere), or every scan without one sector of bearings (one that does not look back). A site of a single scan has the last alone.
+    Numbers count from the drive's first scan.
     """
     rng = np.random.default_rng([seed, 0x0CC1])
+    if len(scans):  # as frames of a recording may begin at 4000, and a stretch from 0 on would mostly hold all or nothing
+        scans = replace(scans, scan=scans.scan.astype(np.int64) - scans.scan.min())
     count = int(scans.scan.max()) + 1 if len(scans) else 0
     ways = [_sparse, _sparse, _stretch, _sector] if count > 1 else [_sector]
     for _ in range(MOST_DRAWS):
