@@ -150,6 +150,12 @@ def test_nothing_to_put_gaps_around():
             random_gaps(Cloud(cloud.points, ~cloud.occupied, cloud.weight), 2.5, resolution_m, seed=0)
 
 
+@pytest.mark.parametrize("seed", [-1, 0.5, None])
+def test_a_bad_seed_is_named(room, seed):
+    with pytest.raises(InputError, match="^seed: expected a whole number of at least 0, got"):
+        random_gaps(room.fit, 2.5, 0.1, seed)
+
+
 @pytest.mark.parametrize("diameter_m", [(1.5,), (3.5, 1.5), (1.0, 2.0, 3.0)])
 def test_diameters_that_are_no_range(room, diameter_m):
     with pytest.raises(InputError, match="gap diameters: expected one in metres, or the smallest and the largest"):

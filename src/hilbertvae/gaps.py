@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hilbertvae.bucket_index import BucketIndex
-from hilbertvae.checks import InputError, check_cell_m, check_positive
+from hilbertvae.checks import InputError, check_cell_m, check_positive, check_whole
 from hilbertvae.cloud import Cloud
 from hilbertvae.voxel_votes import voxel_index
 
@@ -117,7 +117,7 @@ def random_gaps(
     check_cell_m(resolution_m, "resolution_m")
     if not cloud.occupied.any():
         raise InputError("cloud: expected occupied points to put gaps around, got none")
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(check_whole(seed, "seed"))
     occupied = np.flatnonzero(cloud.occupied)
     dimension = cloud.points.shape[1]
     centres, radii = np.empty((0, dimension)), np.empty(0)

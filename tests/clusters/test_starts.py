@@ -50,6 +50,17 @@ class TestEveryStart:
             find_clusters(points, *radii, start=start)
 
 
+@pytest.mark.parametrize("start", STARTS)
+@pytest.mark.parametrize("seed", [-1, 1.5, None, True, "7"])
+def test_a_bad_seed_is_named(start, seed):
+    """By those that find seeds for a radius, and by those that find a number of them."""
+    points = np.arange(12.0).reshape(6, 2)
+    for find in (STARTS[start], find_clusters, *([COUNTED[start]] if start in COUNTED else [])):
+        more = {"start": start, "inner_radius_m": 0.5} if find is find_clusters else {}
+        with pytest.raises(InputError, match="^seed: expected a whole number of at least 0, got"):
+            find(points, 1, seed=seed, **more)
+
+
 @pytest.mark.parametrize("start", COUNTED)
 def test_a_start_that_takes_a_number_finds_as_many_seeds_as_quick_means(start, room):
     returns = room.fit.points[room.fit.occupied]

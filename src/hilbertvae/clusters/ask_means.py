@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hilbertvae.checks import check_count, check_points, check_positive
+from hilbertvae.checks import check_count, check_points, check_positive, check_whole
 from hilbertvae.clusters.clusters import search_tree
 
 CANDIDATES = 5
@@ -23,7 +23,7 @@ def ask_means(points: np.ndarray, threshold_m: float, candidates: int = CANDIDAT
     points = check_points(points, "points")
     check_positive(threshold_m, "threshold_m")
     check_count(candidates, "candidates")
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(check_whole(seed, "seed"))
     pool = Pool(points, threshold_m)
     seeds = [int(rng.integers(len(points)))]
     pool.take(seeds[0])

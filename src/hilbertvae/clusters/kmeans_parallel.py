@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from hilbertvae.checks import check_count, check_points, check_positive
+from hilbertvae.checks import check_count, check_points, check_positive, check_whole
 from hilbertvae.clusters.kmeans_plus_plus import kmeans_plus_plus
 
 
@@ -21,7 +21,7 @@ def kmeans_parallel(points: np.ndarray, count: int, oversampling: float = 2.0, r
     count = check_count(count, "count", len(points))
     check_positive(oversampling, "oversampling")
     check_count(rounds, "rounds")
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(check_whole(seed, "seed"))
     candidates = Candidates(points)
     candidates.add(rng.integers(len(points), size=1))
     for _ in range(rounds):

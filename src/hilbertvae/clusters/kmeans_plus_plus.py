@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hilbertvae.checks import InputError, check_count, check_points
+from hilbertvae.checks import InputError, check_count, check_points, check_whole
 
 
 def kmeans_plus_plus(points: np.ndarray, count: int, weight: np.ndarray | None = None, seed: int = 0) -> np.ndarray:
@@ -23,7 +23,7 @@ def kmeans_plus_plus(points: np.ndarray, count: int, weight: np.ndarray | None =
         weight = np.asarray(weight, np.float64)
         if weight.shape != (len(points),) or not np.isfinite(weight).all() or (weight < 0).any() or not weight.any():
             raise InputError(f"weight: expected {len(points)} numbers of at least 0, not all of them 0, got {weight!r:.60}")
-    random = np.random.RandomState(np.random.PCG64(seed))  # scikit-learn takes no Generator
+    random = np.random.RandomState(np.random.PCG64(check_whole(seed, "seed")))  # scikit-learn takes no Generator
     # It takes distances from dot products, which would lose all digits far from the origin (UTM).
     chosen = kmeans_plusplus(points - points.mean(axis=0), count, sample_weight=weight, random_state=random)[1]
     return points[chosen]

@@ -35,6 +35,7 @@ def quick_means(points: np.ndarray, outer_radius_m: float, inner_radius_m: float
     """
     points = check_points(points, "points")
     check_radii(outer_radius_m, inner_radius_m, minimum_points)
+    check_whole(seed, "seed")
     tree = search_tree(points)
     drawn, inner_sizes = _draw_seeds(tree, inner_radius_m, np.random.default_rng(seed))
     kept = inner_sizes > minimum_points  # an outer ball has no fewer points than the inner one, so only the others are counted
