@@ -1,6 +1,7 @@
 import copy
 import os
 import pickle
+import sys
 
 import numpy as np
 import pytest
@@ -86,6 +87,16 @@ def test_a_simulated_site_is_a_street_in_three_dimensions():
     site = open_site("simulated:3", source=source)
     assert (site.name, site.dimension, site.resolution_m) == ("simulated:3", 3, 0.2)
     assert np.abs(np.median(site.ground.height_above(site.scans.points))) < 1.0
+
+
+@pytest.mark.parametrize("module", ["shapely", "trimesh", "trimesh.ray.ray_pyembree"])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_simulated_site_without_its_extra_is_refused_before_anything_long_is_begun(module, dimension, monkeypatch):
+    """As the one that a training of one's own logs is scored on by default."""
+    pytest.importorskip("embreex")
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(InputError, match=r"simulated sites need the extra 'sim'.*pip install 'hilbertvae\[sim\]'"):
+        SiteSource(dimension).check("simulated:900002")
 
 
 def test_scans_of_another_dimension_than_asked_for(tmp_path):

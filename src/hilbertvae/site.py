@@ -21,6 +21,7 @@ from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.sites import find_site, read_site, site_path
 from hilbertvae.simulate import SCENES
 from hilbertvae.simulate.building import BuildingSettings, simulate_building
+from hilbertvae.simulate.laser import check_sim_extra
 from hilbertvae.simulate.street import StreetSettings, simulate_street
 from hilbertvae.voxel_votes import VoxelVotes, voxel_votes
 
@@ -147,6 +148,7 @@ class SiteSource:
         if reference.startswith(SIMULATED):
             if not reference.removeprefix(SIMULATED).isdecimal():
                 raise InputError(f"site {reference!r}: expected simulated:<seed>, a whole number")
+            check_sim_extra()
         elif is_scan_path(reference):
             self.scans(reference)  # there is no other way to know
         else:

@@ -8,7 +8,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_whole
 from hilbertvae.scans.scan import Scans
-from hilbertvae.simulate.laser import LaserSettings, RayCaster, bearings, extrude, sense, sim_extra
+from hilbertvae.simulate.laser import LaserSettings, RayCaster, bearings, check_sim_extra, extrude, sense, sim_extra
 from hilbertvae.simulate.pose_errors import wandering
 
 STYLES = {"corridors": 0.6, "hall": 0.22, "enfilade": 0.18}
@@ -76,6 +76,7 @@ def simulate_building(settings: BuildingSettings, seed: int) -> Scans:
     Raises `InputError` where the extra `sim` is not installed, or where no drivable building comes of these settings.
     """
     check_whole(seed, "seed")
+    check_sim_extra()
     shapely = sim_extra("shapely")
     from hilbertvae.simulate.drive import drive, poses_along
     from hilbertvae.simulate.floor_plan import draw_floor_plan

@@ -96,6 +96,12 @@ def sim_extra(module: str):
     return extra_module("sim", module, "simulated sites need")
 
 
+def check_sim_extra() -> None:
+    """An `InputError` that names the extra `sim` unless all of it is installed: before hours of work that end with a simulated site."""
+    for module in ("shapely", "trimesh", "trimesh.ray.ray_pyembree"):
+        sim_extra(module)
+
+
 def extrude(edges: np.ndarray, bottom_m: float = -1.0, top_m: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     """Upright faces over a plan's edges (E, 2, 2): vertices (4 E, 3), faces (2 E, 3). A level laser sees no lids."""
     low = np.concatenate([edges, np.full((*edges.shape[:2], 1), bottom_m)], axis=2)

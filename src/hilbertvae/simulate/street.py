@@ -8,7 +8,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_share, check_whole
 from hilbertvae.scans.scan import Scans
-from hilbertvae.simulate.laser import sim_extra
+from hilbertvae.simulate.laser import check_sim_extra
 from hilbertvae.simulate.pose_errors import wandering
 from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar, hidden_by_car, rays, sense_turn
 
@@ -97,8 +97,7 @@ def simulate_street(settings: StreetSettings, seed: int) -> Scans:
     Raises `InputError` where the extra `sim` is not installed.
     """
     check_whole(seed, "seed")
-    for module in ("shapely", "trimesh", "trimesh.ray.ray_pyembree"):
-        sim_extra(module)
+    check_sim_extra()
     from hilbertvae.simulate.street_filling import add_traffic, fill
     from hilbertvae.simulate.street_plan import BEYOND_M, draw_street_plan
 
