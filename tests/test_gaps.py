@@ -156,10 +156,17 @@ def test_a_bad_seed_is_named(room, seed):
         random_gaps(room.fit, 2.5, 0.1, seed)
 
 
-@pytest.mark.parametrize("diameter_m", [(1.5,), (3.5, 1.5), (1.0, 2.0, 3.0)])
+@pytest.mark.parametrize("diameter_m", [(1.5,), (3.5, 1.5), (1.0, 2.0, 3.0), (1.5, "3.5"), [0.0, 2.0], [None, 2.0], np.ones((2, 2))])
 def test_diameters_that_are_no_range(room, diameter_m):
     with pytest.raises(InputError, match="gap diameters: expected one in metres, or the smallest and the largest"):
         random_gaps(room.fit, diameter_m, 0.1, seed=0)
+
+
+def test_diameters_of_any_kind_of_sequence(room):
+    found = [random_gaps(room.fit, kind([0.4, 1]), 0.1, 0).radius_m for kind in (list, tuple, np.array)]
+    np.testing.assert_array_equal(found, [found[0]] * 3)
+    with pytest.raises(InputError, match="diameter_m: expected a positive number, got None"):
+        random_gaps(room.fit, None, 0.1, seed=0)
 
 
 def test_diameters_are_uniform_in_their_range(room):

@@ -96,6 +96,17 @@ class Gaps:
         return cloud.select(self.part(cloud.points) == OUTSIDE)
 
 
+def is_range(sizes) -> bool:
+    """Whether these are two sizes, the smaller first, of which gaps may be."""
+    if np.ndim(sizes) != 1 or len(sizes) != 2:
+        return False
+    try:
+        low, high = (check_positive(size, "size") for size in sizes)
+    except InputError:
+        return False
+    return low <= high
+
+
 def random_gaps(
     cloud: Cloud,
     diameter_m: float | tuple[float, float],
@@ -110,10 +121,12 @@ def random_gaps(
     A centre is moved off its point by a uniform offset within the radius: centred on the point, the distance to the centre alone
     would tell where the wall is. `centred` leaves it there. A range of diameters draws each ball's own, uniformly. `rim`: as `Gaps` has it.
     """
-    sizes = (diameter_m, diameter_m) if np.isscalar(diameter_m) else tuple(diameter_m)
-    if len(sizes) != 2 or sizes[0] > sizes[1]:
-        raise InputError(f"gap diameters: expected one in metres, or the smallest and the largest, got {diameter_m}")
-    low, high = (check_positive(size, "diameter_m") for size in sizes)
+    if np.ndim(diameter_m):
+        if not is_range(diameter_m):
+            raise InputError(f"gap diameters: expected one in metres, or the smallest and the largest, got {diameter_m}")
+        low, high = map(float, diameter_m)
+    else:
+        low = high = check_positive(diameter_m, "diameter_m")
     check_cell_m(resolution_m, "resolution_m")
     if not cloud.occupied.any():
         raise InputError("cloud: expected occupied points to put gaps around, got none")

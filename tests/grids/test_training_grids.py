@@ -96,6 +96,15 @@ def test_a_share_is_between_0_and_1():
         ClusteringSettings(occluded_share=1.5)
 
 
+@pytest.mark.parametrize("sizes", [2.5, "2.5", ["1", "2"], [np.nan, np.nan]])
+def test_gap_diameters_are_none_or_two(sizes):
+    """One number would be a size for `random_gaps`."""
+    with pytest.raises(InputError, match="clustering.gap_diameter_m: expected the smallest and the largest, or an empty list, got"):
+        ClusteringSettings(gap_diameter_m=sizes)
+    assert ClusteringSettings(gap_diameter_m=np.array([1.5, 2.5])).gap_diameter_m == [1.5, 2.5]
+    assert ClusteringSettings(gap_diameter_m=[]).gap_diameter_m == []
+
+
 def test_details_are_shown_on_request(place):
     """Of what is left; the target is labels alone, as before."""
     how = place.scans, place.resolution_m, tiny_grid(place.dimension), ClusteringSettings(1, [1.0, 1.5], turn=False), 5

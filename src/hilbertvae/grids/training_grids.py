@@ -8,7 +8,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_share
 from hilbertvae.cloud import FREE_POINT_M, Cloud, fit_cloud, placed_as
-from hilbertvae.gaps import NoRoom, random_gaps
+from hilbertvae.gaps import NoRoom, is_range, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, bin_voted, find_frames
 from hilbertvae.occlusions import random_occlusion
 from hilbertvae.scans.scan import Scans
@@ -28,8 +28,10 @@ class ClusteringSettings:
 
     def __post_init__(self):
         check_share(self.occluded_share, "clustering.occluded_share")
+        if isinstance(self.gap_diameter_m, np.ndarray):  # numpy's numbers are none in JSON
+            self.gap_diameter_m = self.gap_diameter_m.tolist()
         sizes = self.gap_diameter_m
-        if sizes and (len(sizes) != 2 or not 0 < sizes[0] <= sizes[1] < np.inf):
+        if sizes and not is_range(sizes):
             raise InputError(f"clustering.gap_diameter_m: expected the smallest and the largest, or an empty list, got {sizes}")
 
 
