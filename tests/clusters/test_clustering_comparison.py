@@ -87,6 +87,7 @@ def test_uniform_clouds_are_as_dense_whatever_their_size():
     [
         ({"cloud": "fog"}, "study.cloud: expected one of returns, uniform, got 'fog'"),
         ({"sizes": []}, "study.sizes: expected at least one"),
+        ({"sizes": 1000}, "study.sizes: expected a list of numbers of points, got 1000"),
         ({"sizes": [10, 0]}, "study.sizes: expected a whole number of at least 1, got 0"),
         ({"seeds": []}, "study.seeds: expected one or more different seeds"),
         ({"seeds": [3, 3]}, "study.seeds: expected one or more different seeds"),

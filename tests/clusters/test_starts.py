@@ -88,3 +88,5 @@ def test_an_unknown_start_is_named():
         check_start("forgy")
     with pytest.raises(InputError, match=message):
         find_clusters(np.ones((4, 2)), 1.0, 0.5, start="forgy")
+    with pytest.raises(InputError, match=r"start: expected one of quick_means.*got \['random'\]"):
+        find_clusters(np.ones((4, 2)), 1.0, 0.5, start=["random"])

@@ -63,6 +63,8 @@ def test_only_free_points_make_no_clusters():
         ("inner_radius_m", 3.3),
         ("occupied_share", 0.0),
         ("occupied_share", 1.1),
+        ("occupied_share", None),
+        ("start", ["random"]),
         ("start", "forgy"),
     ],
 )

@@ -1,4 +1,5 @@
 import itertools
+import re
 
 import numpy as np
 import pytest
@@ -226,7 +227,7 @@ def test_a_gap_does_not_move_seed_frames_but_median_and_full_ones(place, seed):
     assert np.abs(cut.rotation - full.rotation).max() > 0.01
 
 
-@pytest.mark.parametrize(("name", "value"), [("centre", "mean"), ("rotation", "pitch"), ("scale", "")])
+@pytest.mark.parametrize(("name", "value"), [("centre", "mean"), ("rotation", "pitch"), ("scale", ""), ("scale", ["fixed"])])
 def test_unknown_choices_are_named(name, value):
-    with pytest.raises(InputError, match=f"frame.{name}: expected one of .*, got '{value}'"):
+    with pytest.raises(InputError, match=f"frame.{name}: expected one of .*, got {re.escape(repr(value))}"):
         FrameSettings(**{name: value})

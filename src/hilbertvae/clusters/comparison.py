@@ -47,6 +47,8 @@ class StudySettings:
         """An `InputError` that names the key for a value that makes no study."""
         if self.cloud not in CLOUDS:
             raise InputError(f"study.cloud: expected one of {', '.join(CLOUDS)}, got {self.cloud!r}")
+        if not isinstance(self.sizes, (list, tuple, range)):
+            raise InputError(f"study.sizes: expected a list of numbers of points, got {self.sizes!r}")
         if not self.sizes:
             raise InputError("study.sizes: expected at least one, got none")
         for size in self.sizes:

@@ -45,7 +45,7 @@ STARTS = {"quick_means": quick_means_seeds, "ask_means": _ask_means, **{name: _c
 
 def check_start(start: str, name: str = "start") -> str:
     """`start` if it is the name of one; an `InputError` otherwise."""
-    if start not in STARTS:
+    if not isinstance(start, str) or start not in STARTS:
         raise InputError(f"{name}: expected one of {', '.join(STARTS)}, got {start!r}")
     return start
 

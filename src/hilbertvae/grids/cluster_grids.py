@@ -56,8 +56,8 @@ class GridSettings:
         check_whole(self.minimum_points, "grid.minimum_points")
         if self.inner_radius_m > self.cluster_diameter_m / 2:
             raise InputError(f"grid.inner_radius_m: expected at most half of cluster_diameter_m, got {self.inner_radius_m}")
-        if not 0 < self.occupied_share <= 1:
-            raise InputError(f"grid.occupied_share: expected a share in (0, 1], got {self.occupied_share}")
+        if not isinstance(self.occupied_share, (int, float, np.number)) or not 0 < self.occupied_share <= 1:
+            raise InputError(f"grid.occupied_share: expected a share in (0, 1], got {self.occupied_share!r}")
         if not isinstance(self.interpolated, bool) and self.interpolated not in READINGS:
             raise InputError(f"grid.interpolated: expected true, false or one of {', '.join(READINGS)}, got {self.interpolated!r}")
 

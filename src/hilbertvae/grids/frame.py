@@ -84,8 +84,9 @@ class FrameSettings:
 
     def __post_init__(self):
         for name, allowed in (("centre", CENTRES), ("rotation", ROTATIONS), ("scale", SCALES)):
-            if getattr(self, name) not in allowed:
-                raise InputError(f"frame.{name}: expected one of {', '.join(allowed)}, got {getattr(self, name)!r}")
+            value = getattr(self, name)
+            if not isinstance(value, str) or value not in allowed:
+                raise InputError(f"frame.{name}: expected one of {', '.join(allowed)}, got {value!r}")
 
 
 def cluster_frames(clusters: Clusters, cloud: Cloud, diameter_m: float, snap_m: float, settings: FrameSettings) -> Frames:
