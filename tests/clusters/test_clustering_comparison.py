@@ -76,6 +76,14 @@ def test_a_threshold_is_found_where_the_number_of_seeds_falls_by_leaps(seed):
     assert len(ask_means(points, matching_threshold(points, count, 1.0, seed), seed=seed)) >= count
 
 
+def test_a_seed_draws_a_uniform_cloud_of_its_own_at_each_size():
+    """And none that is a smaller one, stretched and gone on with: sizes would tell the same thing several times."""
+    small, large = (uniform_squares(12.5)(size, 3) for size in (500, 2000))
+    within = [points / np.sqrt(len(points) / 12.5) for points in (small, large)]
+    assert not np.isin(within[0].round(9), within[1].round(9)).any()
+    np.testing.assert_array_equal(small, uniform_squares(12.5)(500, 3))
+
+
 def test_uniform_clouds_are_as_dense_whatever_their_size():
     for size in (500, 8000):
         points = uniform_squares(12.5)(size, 0)

@@ -137,7 +137,7 @@ def uniform_squares(points_per_m2: float) -> Draw:
     """Clouds in the plane, uniform in a square of such a size that they are all as dense."""
 
     def draw(size: int, seed: int) -> np.ndarray:
-        return np.random.default_rng(seed).uniform(0, np.sqrt(size / points_per_m2), (size, 2))
+        return np.random.default_rng([size, seed]).uniform(0, np.sqrt(size / points_per_m2), (size, 2))
 
     return draw
 
