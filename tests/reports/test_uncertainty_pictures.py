@@ -5,6 +5,7 @@ from hilbertvae.drawing.canvas import pixels
 from hilbertvae.gaps import random_gaps
 from hilbertvae.grids.kernel import NONE, kernel
 from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.reports import uncertainty_pictures
 from hilbertvae.reports.uncertainty_pictures import completions, uncertainty_picture
 from toy_rooms import tiny_reconstructor
 
@@ -37,6 +38,18 @@ def test_the_picture_has_a_row_for_each_gap(fitted):
     figures = [uncertainty_picture(mapper, place, gaps, list(range(count))) for count in (1, 2)]
     assert [len(figure.axes) for figure in figures] == [6 + 2, 12 + 2]  # and two bars
     assert pixels(figures[0]).std() > 10
+
+
+def test_where_fewer_grids_hold_a_gap_no_sheet_stands_for_another_one(fitted, monkeypatch):
+    """An empty frame would be white, as free space is."""
+    mapper, gaps, place = fitted
+    drawn = uncertainty_picture(mapper, place, gaps, [0]).axes[:6]
+    monkeypatch.setattr(uncertainty_pictures, "completions", lambda *asked: completions(*asked)[:1])
+    figure = uncertainty_picture(mapper, place, gaps, [0])
+    assert [bool(axes.images) for axes in figure.axes[:6]] == [True] * 4 + [False] * 2
+    for axes in figure.axes[:6]:
+        assert axes.axison == bool(axes.patches) == bool(axes.images)
+    assert [axes.get_title() for axes in figure.axes[:6]] == [axes.get_title() for axes in drawn]
 
 
 def test_where_grids_differ_the_spread_is_drawn(fitted):

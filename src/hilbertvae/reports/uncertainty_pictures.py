@@ -39,9 +39,13 @@ def uncertainty_picture(mapper: HilbertMap, site: Site, gaps: Gaps, chosen: list
         spread = line[2].imshow(
             raster.image(mapper.predict_std(queries)), UNCERTAINTY, vmin=0, vmax=WIDEST_STD, origin="lower", extent=raster.extent
         )
-        for axes, alone in zip(line[3:], completions(mapper, queries, centre), strict=False):
+        several = completions(mapper, queries, centre)
+        for axes, alone in zip(line[3:], several, strict=False):
             show_probability(axes, raster.image(alone), raster.extent)
-        for axes in line:
+        for axes in line[3 + len(several) :]:  # white paper in a frame would look like a grid of free space
+            axes.set_axis_off()
+            axes.text(0.5, 0.5, "no further grid", ha="center", va="center", transform=axes.transAxes, color="#7a7a7a", fontsize=8)
+        for axes in line[: 3 + len(several)]:
             axes.set(xticks=[], yticks=[])
             outline_gaps(axes, gaps, height_m, linewidth=1.5)
             axes.set(xlim=raster.extent[:2], ylim=raster.extent[2:])
