@@ -3,7 +3,7 @@ import pytest
 from matplotlib.colors import to_rgba
 from PIL import Image
 
-from hilbertvae.drawing.canvas import DPI, new_figure, outline_cells, outline_gaps, pixels, round_length, save_picture
+from hilbertvae.drawing.canvas import DPI, new_figure, outline_cells, outline_gaps, pixels, round_length, save_picture, title_of
 from hilbertvae.drawing.colours import GAP_COLOUR, PROBABILITY
 from hilbertvae.gaps import Gaps
 
@@ -28,6 +28,14 @@ def test_matplotlib_writes_the_same(tmp_path):
     figure.savefig(tmp_path / "line.png")
     with Image.open(tmp_path / "line.png") as written:
         np.testing.assert_array_equal(np.asarray(written)[:, :, :3], save_picture(drawn(), tmp_path / "same.png"))
+
+
+def test_a_title_is_written_as_it_is():
+    axes = new_figure(2, 1).subplots()
+    title_of(axes, "drive_$1_$2", fontsize=9)
+    title = next(text for text in axes.figure.findobj(lambda part: getattr(part, "get_text", str)() == "drive_$1_$2"))
+    assert not title.get_parse_math() and title.get_fontsize() == 9
+    pixels(axes.figure)
 
 
 def test_outlines_lie_where_the_cells_are():

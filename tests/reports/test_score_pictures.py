@@ -33,6 +33,13 @@ def test_gap_seeds_without_anything_occupied_have_no_curve():
     precision_recall_picture(found).draw_without_rendering()
 
 
+def test_a_site_s_name_is_no_formula():
+    found = result()
+    found.site = "drive_$1_$2"
+    precision_recall_picture(found).draw_without_rendering()
+    reliability_picture({"nearest": (np.ones(20, bool), np.ones(20))}, found.site).draw_without_rendering()
+
+
 def test_no_curves_is_an_error():
     found = result()
     found.curves = {}

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.patches import Circle
@@ -82,3 +84,9 @@ def test_gaps_of_a_result_and_a_saved_picture(maps, tmp_path):
     save_picture(gap_zoom_picture(maps, 1), path)
     assert path.read_bytes().startswith(b"\x89PNG")
     assert [file.name for file in path.parent.iterdir()] == ["zoom.png"]
+
+
+def test_a_site_s_name_is_no_formula(maps):
+    name = "drive_$1_$2"
+    contact_sheet([(room(name=name), "test")]).draw_without_rendering()
+    site_map_picture(replace(maps, name=name)).draw_without_rendering()

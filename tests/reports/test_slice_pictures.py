@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.patches import Circle
@@ -51,3 +53,7 @@ def test_slices_show_observed_points_and_the_gaps_that_they_cut(view):
 def test_without_a_gap_named_the_fullest_is_cut(view):
     """Of the gaps of `street_gaps`: the one in the tree."""
     assert "through gap 2 " in slice_picture(view).axes[1].get_title(loc="left")
+
+
+def test_a_site_s_name_is_no_formula(view):
+    slice_picture(replace(view, name="drive_$1_$2")).draw_without_rendering()

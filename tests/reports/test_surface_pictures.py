@@ -67,3 +67,7 @@ def test_close_ups_of_chosen_gaps(view):
 def test_close_ups_of_one_map_alone(view):
     figure = close_up_picture(replace(view, for_points=None), {2: "bare ground"})
     assert [axes.get_title(loc="right") for axes in figure.axes if axes.images] == ["shown", "truth", "map"]
+
+
+def test_a_site_s_name_is_no_formula(view):
+    site_view_picture(replace(view, name="drive_$1_$2")).draw_without_rendering()

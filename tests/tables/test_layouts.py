@@ -194,6 +194,13 @@ def test_generalise(tmp_path):
     assert inked(page)
 
 
+def test_a_site_s_name_is_no_formula(tmp_path):
+    put(tmp_path, "north-seed0", {"cvae-hm-points": [0.6, 0.8], "cvae-hm": [0.6, 0.8], "nearest": [0.5, 0.6]}, site="drive_$1_$2")
+    figure = read_page(tmp_path, "generalise").figure()
+    assert "drive_$1_$2" in [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    figure.draw_without_rendering()
+
+
 def test_generalise_pairs_a_baseline_of_one_run_with_every_training(tmp_path):
     for seed, ours in ((0, [0.6, 0.8]), (1, [0.8, 0.8])):
         put(tmp_path, f"north-seed{seed}", {"cvae-hm-points": ours, "nearest": [0.5, 0.6]})

@@ -63,6 +63,11 @@ def show_codes(axes: Axes, codes: np.ndarray, extent: Extent | None = None) -> A
     return show_probability(axes, (codes + 1) / 2, extent)
 
 
+def title_of(axes: Axes, text: str, **how) -> None:
+    """A title at the left that may have the name of somebody's file, in which `$` stands for itself and begins no formula."""
+    axes.set_title(text, **{"fontsize": 10, "loc": "left", "pad": 3, **how}, parse_math=False)
+
+
 def bare_axes(axes: Axes) -> None:
     """A thin frame without ticks."""
     axes.set(xticks=[], yticks=[])

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hilbertvae.checks import InputError
-from hilbertvae.drawing.canvas import new_figure, probability_bar, save_picture, scale_bar, show_probability
+from hilbertvae.drawing.canvas import new_figure, probability_bar, save_picture, scale_bar, show_probability, title_of
 from hilbertvae.drawing.lit_colours import GAP_TINT, HEIGHT, HEIGHTS_M
 from hilbertvae.drawing.oblique import render_voxels, whole_view
 from hilbertvae.exports.cell_heights import heights_above_ground
@@ -48,7 +48,7 @@ def _flat(cells: MapCells, title: str) -> Figure:
     for axes, sheet, said in zip(panels, sheets, (f"{title}, as observed", "filled in"), strict=True):
         image = show_probability(axes, sheet, extent)
         scale_bar(axes)
-        axes.set_title(said, fontsize=10, loc="left", pad=3, parse_math=False)
+        title_of(axes, said)
     probability_bar(figure, image, panels.tolist(), shrink=0.8)
     return figure
 
@@ -69,5 +69,5 @@ def _solid(cells: MapCells, title: str) -> Figure:
         axes.imshow(image, extent=(0, camera.pixels[0] * camera.pixel_m, 0, camera.pixels[1] * camera.pixel_m), interpolation="antialiased")
         axes.set(xticks=[], yticks=[])
         scale_bar(axes)
-        axes.set_title(said, fontsize=10, loc="left", pad=3, parse_math=False)
+        title_of(axes, said)
     return figure

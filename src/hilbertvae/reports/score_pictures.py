@@ -8,7 +8,7 @@ from itertools import count, cycle
 import numpy as np
 from matplotlib.figure import Figure
 
-from hilbertvae.drawing.canvas import HALO, new_figure
+from hilbertvae.drawing.canvas import HALO, new_figure, title_of
 from hilbertvae.drawing.colours import OTHERS, OURS
 from hilbertvae.reports.mapper_names import is_network
 from hilbertvae.scoring.metrics import CALIBRATION_BINS, calibration_error
@@ -63,7 +63,7 @@ def precision_recall_picture(result: Result) -> Figure:
             if recalls and np.mean(recalls) > 0:
                 at_cut = np.mean(recalls), np.mean(precisions)
                 axes.plot(*at_cut, style["marker"], color=style["color"], markersize=6, markeredgecolor="white", zorder=5, clip_on=False)
-        axes.set_title(f"{result.site}, gaps of {result.gap_diameter_m:g} m, {reading}", fontsize=10, loc="left")
+        title_of(axes, f"{result.site}, gaps of {result.gap_diameter_m:g} m, {reading}", pad=None)
         axes.set(xlim=(0, 1), ylim=(0, 1.005), xlabel="recall", ylabel="precision", aspect="equal")
         axes.spines[["top", "right"]].set_visible(False)
     figure.legend(handles.values(), handles.keys(), loc="outside right center", frameon=False, fontsize=9, handlelength=2.6)
@@ -102,7 +102,7 @@ def reliability_picture(answers: Mapping[str, tuple[np.ndarray, np.ndarray]], ti
         axes.errorbar(mean[kept], share[kept], spread[kept], marker="o", markersize=4, elinewidth=0.8, label=label, **style)
         counts.stairs(count, np.linspace(0, 1, len(count) + 1), color=style["color"], linestyle=style["linestyle"])
     axes.set(xlim=(0, 1), ylim=(0, 1), ylabel="share that is occupied")
-    axes.set_title(title, fontsize=10, loc="left")
+    title_of(axes, title, pad=None)
     axes.legend(frameon=False, fontsize=9, loc="upper left")
     counts.set(yscale="log", xlabel="p(occupied)", ylabel="answers")
     for panel in (axes, counts):

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hilbertvae.cloud import Cloud
-from hilbertvae.drawing.canvas import new_figure, outline_gaps, probability_bar, scale_bar, show_codes, show_probability
+from hilbertvae.drawing.canvas import new_figure, outline_gaps, probability_bar, scale_bar, show_codes, show_probability, title_of
 from hilbertvae.drawing.raster import Raster
 from hilbertvae.gaps import INSIDE, Gaps
 from hilbertvae.mappers.mapper import Mapper
@@ -40,7 +40,7 @@ def contact_sheet(sites: Sequence[tuple[Site, str]], columns: int = 4) -> Figure
         codes, extent = raster.coarse(raster.codes(site.voxels), SHEET_CELLS)
         show_codes(axes, _squared(codes), _squared_extent(codes, extent))
         scale_bar(axes)
-        axes.set_title(site.name, fontsize=10, fontweight="bold", loc="left", pad=3)
+        title_of(axes, site.name, fontweight="bold")
         axes.set_title(role, fontsize=9, color="#555555", loc="right", pad=3)
     for axes in panels[len(sites) :]:
         axes.set_visible(False)
@@ -134,7 +134,7 @@ def site_map_picture(site_maps: SiteMaps, zooms: int = 6) -> Figure:
         outline_gaps(axes, gaps, numbers=numbers)
         axes.set(xlim=raster.extent[:2], ylim=raster.extent[2:])
         scale_bar(axes)
-        axes.set_title(f"{site_maps.name}, {title}" if title == "before" else title, fontsize=10, loc="left", pad=3)
+        title_of(axes, f"{site_maps.name}, {title}" if title == "before" else title)
     for axes in drawn[len(panels) :]:
         axes.set_visible(False)
     probability_bar(figure, image, drawn.tolist())

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from hilbertvae.drawing.canvas import HALO, new_figure, probability_bar, scale_bar, show_probability
+from hilbertvae.drawing.canvas import HALO, new_figure, probability_bar, scale_bar, show_probability, title_of
 from hilbertvae.drawing.colours import GAP_COLOUR
 from hilbertvae.drawing.raster import Raster
 from hilbertvae.reports.site_view import SiteView, fullest_gap
@@ -54,7 +54,7 @@ def _level_slice(axes: Axes, view: SiteView, raster: Raster):
     _cut_balls(axes, view, view.gaps.centres[:, :2], view.gaps.centres[:, 2] - height)
     axes.set(xlim=raster.extent[:2], ylim=raster.extent[2:])
     scale_bar(axes)
-    axes.set_title(f"{view.name}, {LEVEL_M:g} m above the ground; dots: occupied points shown", fontsize=10, loc="left", pad=3)
+    title_of(axes, f"{view.name}, {LEVEL_M:g} m above the ground; dots: occupied points shown")
     return image
 
 

@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from hilbertvae.drawing.canvas import bare_axes, label_bar, new_figure, probability_bar, scale_bar
+from hilbertvae.drawing.canvas import bare_axes, label_bar, new_figure, probability_bar, scale_bar, title_of
 from hilbertvae.drawing.colours import GAP_COLOUR
 from hilbertvae.drawing.lit_colours import GAP_TINT, HEIGHT, HEIGHTS_M, LIT
 from hilbertvae.drawing.oblique import ELEVATION_DEG, Camera, render_voxels, visible, whole_view
@@ -40,7 +40,7 @@ def site_view_picture(view: SiteView) -> Figure:
         top, bottom = panels[:, column]
         _show(top, render_voxels(voxels.centres, voxels.height_m, camera, view.resolution_m, HEIGHT, HEIGHTS_M, tinted, GAP_TINT), camera)
         _show(bottom, render_voxels(voxels.centres, voxels.probability, camera, view.resolution_m, LIT), camera)
-        top.set_title(title, fontsize=10, loc="left", pad=3)
+        title_of(top, title)
     panels[1, 0].set_title("shown, by the map's p(occupied)", fontsize=10, loc="left", pad=3)
     panels[1, 1].set_title("map, by its p(occupied)", fontsize=10, loc="left", pad=3)
     _outline_balls(panels[0, 0], view.gaps, camera, 0.6)

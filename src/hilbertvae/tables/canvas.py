@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hilbertvae.drawing.canvas import new_figure
+from hilbertvae.drawing.canvas import new_figure, title_of
 from hilbertvae.tables.page import Row
 from hilbertvae.tables.spread import Spread
 
@@ -17,7 +17,7 @@ def panels(titles: list[str], width_in: float = 4.6, height_in: float = 4.0, sha
     figure = new_figure(width_in * len(titles), height_in)
     axes = list(figure.subplots(1, len(titles), squeeze=False, sharey=sharey)[0])
     for panel, title in zip(axes, titles, strict=True):
-        panel.set_title(title, fontsize=10, loc="left")
+        title_of(panel, title, pad=None)
         panel.spines[["top", "right"]].set_visible(False)
         panel.tick_params(labelsize=8)
         panel.grid(color="#ececec", linewidth=0.7)

@@ -98,7 +98,7 @@ def generalise_picture(rows: list[Row]) -> Figure:
             places = [scored.index(row) + shift for row in found]
             panel.errorbar(means, places, xerr=deviations, fmt=marker, color=colour, markersize=5, elinewidth=1, label=label)
         panel.set_xlabel("%")
-    axes[0].set_yticks(range(len(scored)), [row["site"] for row in scored], fontsize=8)
+    axes[0].set_yticks(range(len(scored)), [row["site"] for row in scored], fontsize=8, parse_math=False)
     axes[0].set_ylim(len(scored) - 0.5, -0.5)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False, fontsize=8)
     return figure
