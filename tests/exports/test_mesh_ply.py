@@ -5,6 +5,7 @@ from export_toys import UTM, random_cells
 
 from hilbertvae.checks import InputError
 from hilbertvae.drawing.field import BLOCK
+from hilbertvae.drawing.lit_colours import height_colours
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.mesh_ply import cells_surface, write_mesh_ply
 
@@ -56,6 +57,20 @@ def test_what_is_predicted_beside_what_was_seen_is_predicted():
         assert observed in walls.observed[np.isclose(distance, distance.min())]
     # Most vertices lie right before one cell each, of which three in four were seen.
     assert 0.65 < surface.observed.mean() < 0.8
+
+
+def test_colours_tell_the_height_above_the_ground_also_where_it_rises(tmp_path):
+    """A street that climbs 9 m in 60 m, and a wall of 3 m along one side of it."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(300), np.arange(40)))
+    road = np.column_stack([x, y, (0.15 * x).astype(int)])
+    wall = np.concatenate([road[y == 39] + [0, 0, up] for up in range(1, 16)])
+    index = np.concatenate([road, wall])
+    cells = MapCells(index, 0.2, np.full(len(index), 0.9), np.zeros(len(index)), np.ones(len(index), bool))
+    mesh = trimesh.load(write_mesh_ply(cells, tmp_path / "map.ply"), process=False)
+    above_m = mesh.vertices[:, 2] - 0.15 * mesh.vertices[:, 0]
+    wanted = height_colours(above_m, np.zeros(len(above_m), bool)).astype(int)
+    off = np.abs(mesh.visual.vertex_colors[:, :3] - wanted).max(axis=1)
+    assert np.quantile(off, 0.9) < 40  # as far as 0.3 m of height changes a colour
 
 
 def test_nothing_occupied_is_an_empty_mesh(tmp_path):

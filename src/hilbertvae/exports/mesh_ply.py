@@ -14,6 +14,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.drawing.field import BLOCK, Field
 from hilbertvae.drawing.lit_colours import surface_colours
 from hilbertvae.drawing.surface import Surface, field_surface, write_ply
+from hilbertvae.exports.cell_heights import ground_below
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
 from hilbertvae.voxel_blocks import by_block
@@ -23,12 +24,13 @@ UNKNOWN = 0.5
 
 
 def write_mesh_ply(cells: MapCells, path: str | os.PathLike) -> Path:
-    """Write the surface where p crosses 0.6, coloured by height, tinted where it is predicted; vertices have `probability` and `observed`.
+    """Write the surface where p crosses 0.6, coloured by height above the ground, tinted where it is predicted; vertices have
+    `probability` and `observed`.
 
     Memory: 128 KiB per block of 32^3 cells with an occupied one. Raises `InputError` for a 2D map.
     """
     surface = cells_surface(cells)
-    return write_ply(path, surface, surface_colours(surface))
+    return write_ply(path, surface, surface_colours(surface, ground_below(cells)))
 
 
 def cells_surface(cells: MapCells) -> Surface:
