@@ -30,6 +30,12 @@ def test_cells_are_the_result_s_numbers():
     assert ceiling == ["ceiling", "100.0", "99.0", *["-"] * 6]
 
 
+def test_a_site_s_name_is_printed_as_it_is():
+    found = result()
+    found.site = "office[new].log"
+    assert printed(found, 140).count("office[new].log (2D), gaps of 2.5 m") == 2
+
+
 def test_the_best_f1_and_auc_are_bold_and_nothing_else():
     found = result()
     better = max(found.scores, key=lambda name: np.mean(found.scores[name]["points"]["gaps"]["f1"]))

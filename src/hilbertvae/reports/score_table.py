@@ -7,6 +7,7 @@ import math
 import numpy as np
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from hilbertvae.scoring.result import Result
@@ -75,7 +76,8 @@ def score_tables(result: Result, width: int = WIDE) -> list[Table]:
 
 
 def _console_table(result: Result, reading: str, regions: tuple[str, ...]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), title_justify="left", title=f"{heading(result)}, scored on {reading}")
+    title = escape(f"{heading(result)}, scored on {reading}")  # a site may be called `office[new].log`
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), title_justify="left", title=title)
     table.add_column("\nmapper", no_wrap=True)
     for region in regions:
         for place, label in enumerate(METRICS.values()):
