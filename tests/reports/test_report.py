@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from reports_toys import reconstructor
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from torch import nn
 from torch.utils.tensorboard import SummaryWriter
 
+from hilbertvae.gaps import Gaps
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
-from hilbertvae.reports.report import Report, scores_text
+from hilbertvae.reports.report import Report, _network_figures, scores_text
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.run_state import is_finished
 from hilbertvae.scoring.protocol import Protocol, evaluate_all
@@ -64,6 +66,31 @@ def test_a_mapper_that_failed_is_listed_and_leaves_the_rest_of_the_report(tmp_pa
     assert np.isfinite(written["scores"]["nearest"]["points"]["gaps"]["auc"]).all()
     assert (tmp_path / "pictures" / "map.png").exists() and list((tmp_path / "tensorboard").glob("events*"))
     assert "Failed: cvae-hm on room" in capsys.readouterr().out
+
+
+class Skipping(nn.Module):
+    """A network of somebody's own, whose `decode` takes what its skips keep, too."""
+
+    def __init__(self, inner):
+        super().__init__()
+        self.inner = inner
+
+    def forward(self, grids):
+        return self.decode(None, grids)
+
+    def decode(self, z, kept):
+        return self.inner(kept)
+
+
+def test_a_network_that_decodes_more_than_z_has_all_pictures_but_that_of_its_prior():
+    site, made = room(), reconstructor()
+    gaps = Gaps(np.array([[2.0, 0.5]]), np.array([0.8]), site.resolution_m)
+    shown = gaps.cut(site.fit)
+    drawn = []
+    for network in (made.network, Skipping(made.network)):
+        mapper = HilbertMap(replace(made, network=network)).fit(shown.points, shown.occupied, shown.weight)
+        drawn.append(set(_network_figures(mapper, site, gaps)))
+    assert drawn[0] - drawn[1] == {"prior"} and drawn[1] <= drawn[0]
 
 
 def test_scores_and_pictures_of_a_site_share_a_tag(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 
 import numpy as np
@@ -191,6 +192,18 @@ def completion_rows(shown: np.ndarray, target: np.ndarray, guess: Completion, dr
             outline_cells(axes, (given == UNKNOWN) & (truth != UNKNOWN))
     probability_bar(figure, image, panels.ravel().tolist(), shrink=min(1.0, 3 / len(shown)))
     return figure
+
+
+def decodes_alone(reconstructor: Reconstructor) -> bool:
+    """Whether its network makes grids of z alone: one of somebody's own may call something else `decode`, which asks for more."""
+    decode = getattr(reconstructor.network, "decode", None)
+    if decode is None or not hasattr(reconstructor.network_settings, "latent"):
+        return False
+    try:
+        inspect.signature(decode).bind("z")
+    except TypeError:
+        return False
+    return True
 
 
 def prior_picture(reconstructor: Reconstructor, columns: int = 8, rows: int = 3, seed: int = 0) -> Figure:

@@ -22,7 +22,14 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.training_card import ANEW, LEARNED_AS
-from hilbertvae.reports.cluster_pictures import completion_rows, gapped_clusters, pipeline_picture, prior_picture, reconstruction_rows
+from hilbertvae.reports.cluster_pictures import (
+    completion_rows,
+    decodes_alone,
+    gapped_clusters,
+    pipeline_picture,
+    prior_picture,
+    reconstruction_rows,
+)
 from hilbertvae.reports.comparison import COMPARED, error_table, occlusion_table, pairwise_table
 from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.mapper_names import for_points
@@ -181,7 +188,7 @@ def _network_figures(mapper: HilbertMap, site: Site, gaps: Gaps) -> dict[str, Fi
     figures = {"pipeline": pipeline_picture(shown, network, site.whole, mapper.seed)}
     draws = network.draws(grids[chosen], COMPLETIONS)
     if draws is None:
-        figures |= {"prior": prior_picture(network)} if hasattr(network.network, "decode") else {}
+        figures |= {"prior": prior_picture(network)} if decodes_alone(network) else {}
     elif len(chosen):
         guess = network.complete(grids[chosen], flips=1)
         figures["completions"] = completion_rows(labels[chosen], target[chosen], guess, draws, network.likelihood.kind)
