@@ -179,6 +179,18 @@ def test_a_step_whose_gradient_is_not_finite_is_skipped_and_counted(logged):
         assert logged["train/skipped_steps"] == broken and ("train/gradient_norm" in logged) != broken
 
 
+@pytest.mark.parametrize(("says", "gives"), [(True, "no "), (False, "")])
+def test_a_network_of_one_s_own_gives_known_if_its_settings_say_so(monkeypatch, says, gives):
+    """A map asks for it by the settings: else it would fail after the training, or be without what was learned."""
+    module = module_of()
+    monkeypatch.setattr(module.settings, "network", replace(module.settings.network, known=says))
+    forward, other = module.network.forward, None if says else torch.zeros(8, 16, 16)
+    monkeypatch.setattr(module.network, "forward", lambda shown: replace(forward(shown), known=other))
+    expected = f"network.known: expected {str(not says).lower()}, since GatedNetwork.forward gives {gives}`known`"
+    with pytest.raises(InputError, match=expected):
+        module.train().training_step(pairs(), 0)
+
+
 class Broken(ReconstructionModule):
     """Whose gradients of some steps are not finite."""
 

@@ -23,7 +23,7 @@ from hilbertvae.reconstruction.blocks import is_detailed
 from hilbertvae.reconstruction.completion import Completion
 from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
-from hilbertvae.reconstruction.networks import NetworkSettings, build_network, network_settings
+from hilbertvae.reconstruction.networks import NETWORKS, NetworkSettings, build_network, network_settings
 from hilbertvae.reconstruction.packed_weights import pack, unpack
 from hilbertvae.reconstruction.precision import fast_autocast
 from hilbertvae.reconstruction.settings import LikelihoodSettings
@@ -169,6 +169,7 @@ class Reconstructor:
             )
         try:
             described = json.loads(metadata["settings"])
+            _check_registered(described)
             settings = network_settings(described["network"])
             grid = GridSettings.from_plain(described["grid"])
             likelihood = LikelihoodSettings(**described["likelihood"])
@@ -185,8 +186,22 @@ class Reconstructor:
                 map_weights=described["weights"],
                 card=described["card"],
             )
+        except _Unregistered as error:
+            raise InputError(f"{path}: {error}") from error
         except (KeyError, TypeError, AttributeError, RuntimeError, ValueError, OverflowError) as error:
             raise InputError(f"{path}: the checkpoint's settings and weights don't fit together ({error})") from error
+
+
+class _Unregistered(Exception):
+    """A whole file, of a kind that the code which reads it has not been told of."""
+
+
+def _check_registered(described: dict) -> None:
+    for what, table, known in (("network", "NETWORKS", NETWORKS), ("likelihood", "LIKELIHOODS", LIKELIHOODS)):
+        kind = described[what].get("kind")
+        if isinstance(kind, str) and kind not in known:
+            here = f"there are {', '.join(known)} here"
+            raise _Unregistered(f"a {what} of kind {kind!r}, and {here}; import what puts one of your own into {table} first")
 
 
 def _check_kept(network: nn.Module, described: dict) -> None:

@@ -12,7 +12,7 @@ from torch import Tensor
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.augmentation import augment
-from hilbertvae.reconstruction.blocks import HIT_FREE_CHANNELS, is_detailed
+from hilbertvae.reconstruction.blocks import HIT_FREE_CHANNELS, Reconstruction, is_detailed
 from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
 from hilbertvae.reconstruction.finer_stem import finer_weights, is_finer
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, active_dimensions, free_bits, kl_divergence, kl_weight, known_nll
@@ -68,6 +68,7 @@ class ReconstructionModule(L.LightningModule):
         votes = target[:, 1] if self.settings.likelihood.vote_power > 0 else None
         target = labels_of(target, dimension)
         found = self.network(shown, target) if isinstance(self.network, ConditionalNetwork) else self.network(shown)
+        self._check_known(found)
         shown = labels_of(shown, dimension)
         fit = self.likelihood(found.output, target, shown, votes).mean()
         loss = fit
@@ -89,6 +90,14 @@ class ReconstructionModule(L.LightningModule):
         self.log("train/nll_per_grid", fit, prog_bar=True)
         self.log("train/loss", loss)
         return loss
+
+    def _check_known(self, found: Reconstruction) -> None:
+        """An `InputError` for a network that gives a `known` of which its settings say nothing, and which maps would not ask for; or none
+        where they do."""
+        asked, given = bool(getattr(self.settings.network, "known", False)), found.known is not None
+        if asked != given:
+            what = "gives" if given else "gives no"
+            raise InputError(f"network.known: expected {str(given).lower()}, since {type(self.network).__name__}.forward {what} `known`")
 
     def validation_step(self, batch: tuple[Tensor, Tensor], number: int) -> None:
         shown, target = batch
