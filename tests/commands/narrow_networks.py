@@ -1,6 +1,8 @@
 """Networks of a configuration's levels and an eighth of its width, and few random features: the tests see that it runs, not how well it
 would learn."""
 
+from pathlib import Path
+
 from hydra import compose, initialize_config_dir
 
 from hilbertvae.commands.configuration import CONF
@@ -21,3 +23,8 @@ def narrowed(*overrides: str) -> list[str]:
         small += [f"network.kernels={[3] * len(network.kernels)}", f"grid.cells={min(32, config.grid.cells)}"]
     few = [f"++mapper.{name}.components=64" for name in RANDOM_FEATURES if name in config.mapper]
     return [*overrides, *small, *few]
+
+
+def shared_grids(tmp_path: Path) -> Path:
+    """A cache of grids for all processes of a test session, in the folder that pytest numbered for it."""
+    return next((folder for folder in tmp_path.parents if folder.name.startswith("pytest-")), tmp_path.parent) / "grids"

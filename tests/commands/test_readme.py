@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
-from narrow_networks import FEW, narrowed
+from narrow_networks import FEW, narrowed, shared_grids
 from warm_start import train
 
 from hilbertvae.commands.configuration import CONF, to_settings
@@ -53,7 +53,7 @@ NAMES = {
 
 def run_fast(folder: Path, *overrides: str) -> Path:
     """The output folder of a run with these overrides, made small."""
-    small = ["debug=fast", "pictures=false", "evaluation.occlusion=false", "trainer.threads=1", f"data.cache={folder / 'cache'}"]
+    small = ["debug=fast", "pictures=false", "evaluation.occlusion=false", "trainer.threads=1", f"data.cache={shared_grids(folder)}"]
     with initialize_config_dir(str(CONF), version_base="1.3"):
         settings = to_settings(compose("config", overrides=[*overrides, *small, f"output={folder / 'out'}"]))
     assert run(settings) == 0

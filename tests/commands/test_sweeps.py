@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_dir
-from narrow_networks import FEW, narrowed
+from narrow_networks import FEW, narrowed, shared_grids
 from warm_start import train
 
 from hilbertvae.clusters.starts import STARTS
@@ -55,9 +55,9 @@ def size_of(sweep: str, case: str) -> str:
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory) -> list[str]:
-    """Grids and networks that the jobs of this module share, as those of a sweep do."""
+    """Networks that the jobs of this module share, as those of a sweep do, and grids."""
     folder = tmp_path_factory.mktemp("shared")
-    return [f"data.cache={folder / 'cache'}", f"trained={folder / 'trained'}", "trainer.threads=1"]
+    return [f"data.cache={shared_grids(folder)}", f"trained={folder / 'trained'}", "trainer.threads=1"]
 
 
 class TestEveryYaml:
@@ -104,7 +104,7 @@ ABLATION = ("-m", "+sweep=ablation", "debug=fast", "trainer.threads=1", "evaluat
 
 
 def multirun(folder: Path, *overrides: str) -> subprocess.CompletedProcess:
-    return train(folder, *ABLATION, *overrides)
+    return train(folder, *ABLATION, f"data.cache={shared_grids(folder)}", *overrides)
 
 
 def environment() -> dict[str, str]:

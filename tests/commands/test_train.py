@@ -12,7 +12,7 @@ import pytest
 import torch
 from hydra import compose, initialize_config_dir
 from hydra.errors import ConfigCompositionException
-from narrow_networks import narrowed
+from narrow_networks import narrowed, shared_grids
 
 from hilbertvae.checks import InputError
 from hilbertvae.clusters.starts import STARTS
@@ -46,7 +46,7 @@ def settings_of(*overrides: str):
 
 def fast(tmp_path: Path, *overrides: str):
     """Settings of a run in seconds, in a folder of its own; grids are shared with runs before."""
-    folder = [f"output={tmp_path / 'run'}", f"data.cache={tmp_path.parent / 'cache'}", "trainer.threads=1"]
+    folder = [f"output={tmp_path / 'run'}", f"data.cache={shared_grids(tmp_path)}", "trainer.threads=1"]
     return settings_of("debug=fast", *folder, *overrides)
 
 
