@@ -3,26 +3,25 @@ would learn."""
 
 from pathlib import Path
 
-from hydra import compose, initialize_config_dir
-
-from hilbertvae.commands.configuration import CONF
+from hilbertvae.training.settings import Settings
 
 RANDOM_FEATURES = ("hm-fourier", "hm-nystroem")
 FEW = ("cvae-hm-quick", "cae-hm-quick")
 """Cases of a table that stand for all where the command itself is tried."""
 
 
-def narrowed(*overrides: str) -> list[str]:
-    """These overrides with those that make their network narrow: as many levels and the same stem, grids of at most 32 cells for
-    the paper's networks, whose dense layers cost most; and random features few."""
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        config = compose("config", overrides=list(overrides))
-    network = config.network
-    small = [f"network.channels={[max(8, width // 8) for width in network.channels]}"]
-    if "kernels" in network:
-        small += [f"network.kernels={[3] * len(network.kernels)}", f"grid.cells={min(32, config.grid.cells)}"]
-    few = [f"++mapper.{name}.components=64" for name in RANDOM_FEATURES if name in config.mapper]
-    return [*overrides, *small, *few]
+def narrowed(settings: Settings) -> Settings:
+    """These settings with a narrow network: as many levels and the same stem, grids of at most 32 cells for the paper's networks, whose
+    dense layers cost most; and with few random features."""
+    network = settings.network
+    network.channels = [max(8, width // 8) for width in network.channels]
+    if hasattr(network, "kernels"):
+        network.kernels = [3] * len(network.kernels)
+        settings.grid.cells = min(32, settings.grid.cells)
+    for name in settings.mapper.keys() & RANDOM_FEATURES:
+        settings.mapper[name]["components"] = 64
+    settings.check()
+    return settings
 
 
 def shared_grids(tmp_path: Path) -> Path:

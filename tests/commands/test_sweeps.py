@@ -64,7 +64,7 @@ class TestEveryYaml:
     @pytest.mark.parametrize(("sweep", "case"), [case for case in CASES if case not in RUN_ELSEWHERE])
     def test_case_runs(self, sweep, case, tmp_path, shared):
         chosen = [f"sweep={sweep}", f"cases/{sweep}={case}", f"size={size_of(sweep, case)}", "debug=fast"]
-        settings = settings_of(*narrowed(*chosen), "evaluation.occlusion=false", f"output={tmp_path / 'run'}", *shared)
+        settings = narrowed(settings_of(*chosen, "evaluation.occlusion=false", f"output={tmp_path / 'run'}", *shared))
         assert run(settings) == 0
         _, about = read_result(tmp_path / "run/result.json")
         assert about["config"]["case"] == settings.case != ""

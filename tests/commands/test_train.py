@@ -62,16 +62,15 @@ class TestEveryConfiguration:
         whole = settings_of(*where, f"network={network}")
         with torch.device("meta"):  # its own width is one that can be
             build_network(whole.network, whole.dimension, whole.grid.cells)
-        where = narrowed(*where, f"network={network}")
-        settings = fast(tmp_path, *where, "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false")
-        assert run(settings) == 0
+        settings = fast(tmp_path, *where, f"network={network}", "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false")
+        assert run(narrowed(settings)) == 0
         found, _ = read_result(tmp_path / "run/result.json")
         assert set(found.scores) == {"cae-hm" if network.endswith("cae") else "cvae-hm"}
 
     @pytest.mark.parametrize("experiment", [name for name in names("experiment") if name not in RUN_ELSEWHERE])
     def test_experiment_runs(self, experiment, tmp_path):
-        where = narrowed(f"experiment={experiment}", "mapper=[cvae-hm]")
-        assert run(fast(tmp_path, *where, "pictures=false", "evaluation.occlusion=false")) == 0
+        settings = fast(tmp_path, f"experiment={experiment}", "mapper=[cvae-hm]", "pictures=false", "evaluation.occlusion=false")
+        assert run(narrowed(settings)) == 0
 
     @pytest.mark.parametrize("start", names("start"))
     def test_start_makes_a_map(self, start, tmp_path):
@@ -90,9 +89,8 @@ class TestEveryConfiguration:
         assert names("start") == sorted(STARTS)
 
     def test_a_run_in_three_dimensions_is_scored_and_looked_at(self, tmp_path):
-        where = narrowed("experiment=streets", "mapper=[cvae-hm,octomap,nearest]")
-        settings = fast(tmp_path, *where, "evaluation.occlusion=false")
-        assert run(settings) == 0
+        settings = fast(tmp_path, "experiment=streets", "mapper=[cvae-hm,octomap,nearest]", "evaluation.occlusion=false")
+        assert run(narrowed(settings)) == 0
         found, _ = read_result(tmp_path / "run/result.json")
         assert found.dimension == 3 and set(found.scores) == {"cvae-hm", "octomap", "nearest"}
         assert {"gaps-above-ground", "gaps-near-ground"} <= set(found.scores["octomap"]["voxels"])
@@ -115,8 +113,9 @@ class TestEveryConfiguration:
         assert plain != learned
 
     def test_baselines_without_a_network_are_scored_in_three_dimensions(self, tmp_path):
-        where = narrowed("experiment=streets", "mapper=[gpom,hm-fourier,hm-nystroem]")
-        assert run(fast(tmp_path, *where, "pictures=false", "evaluation.occlusion=false")) == 0
+        mappers = "mapper=[gpom,hm-fourier,hm-nystroem]"
+        settings = fast(tmp_path, "experiment=streets", mappers, "pictures=false", "evaluation.occlusion=false")
+        assert run(narrowed(settings)) == 0
         found, _ = read_result(tmp_path / "run/result.json")
         assert found.dimension == 3 and set(found.scores) == {"gpom", "hm-fourier", "hm-nystroem"} and not found.failed
 
@@ -137,7 +136,7 @@ class TestEveryConfiguration:
     def test_every_mapper_is_scored_in_one_run_and_the_report_is_whole(self, tmp_path, capsys):
         # Those of 3D have the names of the others; networks that learn from the site have a test of their own.
         flat = [name for name in names("mapper") if not name.endswith(("-3d", "adapted"))]
-        settings = fast(tmp_path, *narrowed(f"mapper=[{','.join(flat)}]"), "evaluation.occlusion=false")
+        settings = narrowed(fast(tmp_path, f"mapper=[{','.join(flat)}]", "evaluation.occlusion=false"))
         assert run(settings) == 0
         found, about = read_result(tmp_path / "run/result.json")
         assert set(found.scores) == set(flat)
