@@ -6,7 +6,7 @@ from hydra import compose, initialize_config_dir
 from hilbertvae.checks import InputError
 from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.overrides import refuse_ignored
-from hilbertvae.commands.train import _identity, run
+from hilbertvae.commands.run import identity, run
 from hilbertvae.files import file_sha256
 from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -141,13 +141,13 @@ def test_voxels_of_another_size_than_the_network_s_are_refused(tmp_path, network
 def test_a_run_is_another_when_the_network_of_a_mapper_is(tmp_path):
     path = tmp_path / "network.safetensors"
     settings = fast(tmp_path, "mapper=[cvae-hm]", f"mapper.cvae-hm.reconstructor={path}")
-    missing = _identity(settings)
+    missing = identity(settings)
     tiny_reconstructor(seed=0).save(path)
-    first = _identity(settings)
+    first = identity(settings)
     assert run(settings) == 0
     assert read_result(tmp_path / "run/result.json")[1]["data"]["mapper.cvae-hm.reconstructor"] == file_sha256(path)
     tiny_reconstructor(seed=1).save(path)
-    assert missing != first != _identity(settings)
+    assert missing != first != identity(settings)
 
 
 def test_a_mapper_s_network_that_is_not_there_is_named(tmp_path):
@@ -189,5 +189,5 @@ def test_voxels_are_those_of_the_dimension_unless_given(overrides, expected):
 
 def test_where_maps_are_filled_makes_no_other_run():
     """A sweep that goes on elsewhere has its results; those of before are found under the hash that they have."""
-    usual, cpu, turned = (_identity(settings_of("mapper=[cvae-hm,hm]", *more)) for more in ([], ["device=cpu"], ["flips=1"]))
+    usual, cpu, turned = (identity(settings_of("mapper=[cvae-hm,hm]", *more)) for more in ([], ["device=cpu"], ["flips=1"]))
     assert usual == cpu != turned and usual["mapper"] == settings_of("mapper=[cvae-hm,hm]").mapper

@@ -15,8 +15,8 @@ from warm_start import train
 from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.map import main as map_scans
 from hilbertvae.commands.query import main as query
+from hilbertvae.commands.run import run
 from hilbertvae.commands.table import main as table
-from hilbertvae.commands.train import run
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.ros_map import write_ros_map
 from hilbertvae.mappers.fixed_grid import FixedGridMapper

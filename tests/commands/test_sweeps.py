@@ -17,9 +17,9 @@ from warm_start import train
 
 from hilbertvae.clusters.starts import STARTS
 from hilbertvae.commands.configuration import CONF, SWEEPS, to_settings
+from hilbertvae.commands.run import run
 from hilbertvae.commands.sweep_progress import earlier_jobs
 from hilbertvae.commands.table import main as table
-from hilbertvae.commands.train import run
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.run_state import UNFINISHED
 from hilbertvae.training.train import kept_name

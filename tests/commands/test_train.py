@@ -18,7 +18,8 @@ from hilbertvae.checks import InputError
 from hilbertvae.clusters.starts import STARTS
 from hilbertvae.commands.build import build_mappers
 from hilbertvae.commands.configuration import CONF, to_settings
-from hilbertvae.commands.train import main, run
+from hilbertvae.commands.run import run
+from hilbertvae.commands.train import main
 from hilbertvae.files import file_sha256
 from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.nearest import NearestMapper

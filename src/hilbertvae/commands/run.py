@@ -1,0 +1,135 @@
+"""One run: from settings to a network, scores, and all that is written of them. It knows nothing of Hydra."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import hilbertvae
+from hilbertvae.checks import InputError
+from hilbertvae.commands.overrides import named_networks
+from hilbertvae.files import file_sha256
+from hilbertvae.reconstruction.shipped import checkpoint_path
+from hilbertvae.reports.provenance import without_folders
+from hilbertvae.reports.run_state import clear, forget, is_finished, is_trained, was_scored_alone
+from hilbertvae.scans.sites import site_hashes
+from hilbertvae.site import Site, open_site, site_name
+from hilbertvae.training.settings import Settings
+from hilbertvae.training.site_roles import own_sites
+from hilbertvae.training.training_hash import training_hash
+
+if TYPE_CHECKING:
+    from hilbertvae.mappers.mapper import Mapper
+    from hilbertvae.reconstruction.reconstructor import Reconstructor
+
+
+def run(settings: Settings, again: bool = True) -> int:
+    """Train if a mapper needs it, score all, write everything; the exit code. again: do so even if the results are there already."""
+    other_scoring = was_scored_alone(settings.output)
+    if not again and _is_done(settings):
+        print(f"{settings.output}: finished before")
+        return 0
+    # Late: a sweep that has nothing to do waits for none of it, and only a training for Lightning.
+    from hilbertvae.commands.build import build_mappers
+    from hilbertvae.commands.scored_network import config_without_training, of_network, seeds_of
+    from hilbertvae.reconstruction.reconstructor import Reconstructor
+    from hilbertvae.reports.report import Report
+    from hilbertvae.training.given_networks import load_named, needs_training
+    from hilbertvae.training.scoring import score
+
+    mappers = build_mappers(settings.mapper)
+    training, sites = settings.checkpoint is None and (not mappers or needs_training(mappers)), _roles(settings)
+    for reference in sites if training else settings.data.test:
+        settings.source().check(reference)
+    scored = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
+    mappers = load_named(settings, mappers, scored)
+    if training:
+        from hilbertvae.training.train import check_folder, first_rank, train
+
+        check_folder(settings)
+    elif scored and is_trained(settings.output) and not _is_its_own(settings):
+        raise InputError(f"output: {settings.output} holds the training of another network than `checkpoint`; choose another `name`")
+    if not again:  # late: a job that is refused leaves what was there
+        forget(settings.output)
+    config = asdict(settings) if training else config_without_training(settings)
+    if scored := scored or (None if training else _only_named(settings, mappers)):
+        config |= of_network(scored)
+    own = {without_folders(site): found for site, found in own_sites(sites).items()}
+    hashes = site_hashes([site for site, role in sites.items() if training or role != "train"])
+    write = Report(
+        settings.output,
+        config,
+        identity=identity(settings),
+        seeds=seeds_of(settings, scored),
+        data=hashes | own | given_hashes(settings),
+        others=lambda: _others(settings, sites),
+        pictures=settings.pictures,
+        card=scored.card if scored else {},
+    )
+    if other_scoring:
+        clear(settings.output)
+    if training:
+        train(settings, mappers, write)
+        if not first_rank():
+            return 0
+    else:
+        score(settings, mappers, scored, write)
+    return write.close()
+
+
+def _is_done(settings: Settings) -> bool:
+    """Whether the results of these settings lie in the run's folder, or its network where nothing is to be scored."""
+    names = [site_name(site) for site in settings.data.test]
+    with contextlib.suppress(InputError, OSError):  # what can't be read is told by the run, and is not finished
+        if is_finished(settings.output, names, identity(settings), settings.pictures):
+            return True
+        return not (settings.mapper and names) and is_trained(settings.output, training_hash(settings))
+    return False
+
+
+def _roles(settings: Settings) -> dict[str, str]:
+    """What each site is there for: to train, to calibrate, to validate or to test."""
+    data = settings.data
+    learned = {**dict.fromkeys(data.train, "train"), **dict.fromkeys(data.calibrate, "calibrate"), data.validate: "validate"}
+    return learned | dict.fromkeys(data.test, "test")
+
+
+def _others(settings: Settings, sites: dict[str, str]) -> Iterator[tuple[Site, str]]:
+    """The sites that are not tested, for a picture of all; where nothing is trained, nobody has to have them."""
+    for site, role in sites.items():
+        with contextlib.suppress(InputError):
+            if role != "test":
+                yield open_site(site, settings.resolution_m, settings.source()), role
+
+
+def _only_named(settings: Settings, mappers: dict[str, Mapper]) -> Reconstructor | None:
+    """The network that mappers name, if all name one: its boxes are those of raw grids, too."""
+    named = named_networks(settings)
+    if len({*named.values()}) != 1:
+        return None
+    return next(mapper.reconstructor for name, mapper in mappers.items() if f"mapper.{name}.reconstructor" in named)
+
+
+def identity(settings: Settings) -> dict:
+    """What can change a run's numbers, by contents wherever they lie; hashed, it tells a finished run."""
+    tested = [settings.source().made_of(site) for site in settings.data.test]
+    # Wherever networks fill maps, `device` counts as it is by default.
+    mapper = {name: one | {"device": "auto"} if isinstance(one, dict) and "device" in one else one for name, one in settings.mapper.items()}
+    evaluated = {"mapper": mapper, "evaluation": asdict(settings.evaluation), "test": tested, **given_hashes(settings)}
+    return {"version": hilbertvae.__version__, "training": training_hash(settings), **evaluated}
+
+
+def given_hashes(settings: Settings) -> dict[str, str]:
+    """The hashes of the networks that a run takes instead of training one: its own, and those that mappers name."""
+    networks = {"checkpoint": settings.checkpoint, **named_networks(settings)}
+    paths = {key: checkpoint_path(name) for key, name in networks.items() if name}
+    return {key: file_sha256(path) for key, path in paths.items() if path.is_file()}  # one that is missing is named where it is loaded
+
+
+def _is_its_own(settings: Settings) -> bool:
+    """Whether the network to be scored is the one that was trained in the run's folder."""
+    own = Path(settings.output) / "model.safetensors"
+    return own.is_file() and file_sha256(own) == file_sha256(checkpoint_path(settings.checkpoint))
