@@ -6,8 +6,6 @@ from pathlib import Path
 from hilbertvae.training.settings import Settings
 
 RANDOM_FEATURES = ("hm-fourier", "hm-nystroem")
-FEW = ("cvae-hm-quick", "cae-hm-quick")
-"""Cases of a table that stand for all where the command itself is tried."""
 
 
 def narrowed(settings: Settings) -> Settings:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
-from narrow_networks import FEW, narrowed, shared_grids
+from narrow_networks import narrowed, shared_grids
 from warm_start import train
 
 from hilbertvae.commands.configuration import CONF, to_settings
@@ -78,8 +78,7 @@ def test_command(command, tmp_path, checkpoint):
         assert done.returncode == 0 and "cluster_diameter_m" in done.stdout
         return
     if "-m" in words:
-        few = [f"cases/{word.removeprefix('+sweep=')}={','.join(FEW)}" for word in words if word.startswith("+sweep=")]
-        assert train(tmp_path, *words, *few, "debug=fast", "trainer.threads=1").returncode == 0
+        assert train(tmp_path, *words, "debug=fast", "trainer.threads=1").returncode == 0
         (made,) = (tmp_path / "outputs/debug").iterdir()
         assert table([str(made)]) == 0 and (made / "table.md").is_file()
         return

@@ -5,14 +5,14 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import time
 from itertools import product
 from pathlib import Path
 
 import pytest
 from hydra import compose, initialize_config_dir
-from narrow_networks import FEW, narrowed, shared_grids
+from narrow_networks import narrowed, shared_grids
+from small_sweep import ABLATION, TRAIN, environment, multirun
 from warm_start import train
 
 from hilbertvae.clusters.starts import STARTS
@@ -29,10 +29,9 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 
 NAMES = sorted(path.stem for path in (SWEEPS / "sweep").glob("*.yaml"))
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-RUN_ELSEWHERE = list(product(re.findall(r"^\.venv/bin/hilbertvae-train -m \+sweep=(\w+)", README, re.MULTILINE), FEW))
-"""Cases of sweeps that `test_readme.py` runs."""
+RUN_ELSEWHERE = re.findall(r"^\.venv/bin/hilbertvae-train -m \+sweep=(\w+)", README, re.MULTILINE)
+"""Sweeps whose quick cases `test_readme.py` runs."""
 CASES = sorted((path.parent.name, path.stem) for path in (SWEEPS / "cases").glob("*/*.yaml"))
-TRAIN = [sys.executable, "-m", "hilbertvae.train"]
 
 
 def test_the_help_names_the_command_and_every_sweep(tmp_path):
@@ -61,7 +60,7 @@ def shared(tmp_path_factory) -> list[str]:
 
 
 class TestEveryYaml:
-    @pytest.mark.parametrize(("sweep", "case"), [case for case in CASES if case not in RUN_ELSEWHERE])
+    @pytest.mark.parametrize(("sweep", "case"), [case for case in CASES if case[0] not in RUN_ELSEWHERE or size_of(*case) == "full"])
     def test_case_runs(self, sweep, case, tmp_path, shared):
         chosen = [f"sweep={sweep}", f"cases/{sweep}={case}", f"size={size_of(sweep, case)}", "debug=fast"]
         settings = narrowed(settings_of(*chosen, "evaluation.occlusion=false", f"output={tmp_path / 'run'}", *shared))
@@ -98,23 +97,6 @@ def jobs_of(sweep: str, size: str = "quick") -> list[list[str]]:
         config = compose("config", overrides=[f"sweep={sweep}", f"size={size}"], return_hydra_config=True)
     parameters = {key: str(value).replace("${size}", size).split(",") for key, value in config.hydra.sweeper.params.items()}
     return [[f"{key}={value}" for key, value in zip(parameters, chosen, strict=True)] for chosen in product(*parameters.values())]
-
-
-ABLATION = ("-m", "+sweep=ablation", "debug=fast", "trainer.threads=1", "evaluation.occlusion=false")
-
-
-def multirun(folder: Path, *overrides: str) -> subprocess.CompletedProcess:
-    return train(folder, *ABLATION, f"data.cache={shared_grids(folder)}", *overrides)
-
-
-def environment() -> dict[str, str]:
-    return {**os.environ, "OMP_NUM_THREADS": "1"}
-
-
-def by_itself(folder: Path, *overrides: str) -> subprocess.CompletedProcess:
-    """The same in a process like a user's, for what starts processes of its own."""
-    command = [*TRAIN, *ABLATION, *overrides]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, env=environment())
 
 
 def test_starts_of_a_clustering_are_compared_and_tabled(tmp_path):
@@ -276,28 +258,3 @@ class TestASweepSurvives:
         with pytest.raises(KeyboardInterrupt):
             run(settings, again=False)
         assert not found.exists()
-
-
-@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
-def test_launchers_run_the_jobs(launcher, tmp_path):
-    pytest.importorskip({"joblib": "hydra_plugins.hydra_joblib_launcher", "submitit_local": "submitit"}[launcher])
-    done = by_itself(tmp_path, "cases/ablation=default,weights-unit", f"launcher={launcher}")
-    assert done.returncode == 0, done.stderr
-    for case in ("default", "weights-unit"):
-        result, _ = read_result(tmp_path / f"outputs/debug/ablation-quick/{case}-seed0/result.json")
-        assert not result.failed
-    assert len(list((tmp_path / "outputs/trained").glob("*.safetensors"))) == 1
-
-
-def test_two_processes_train_one_network(tmp_path):
-    """In each job of a sweep, also in a launcher's worker; the second process takes part in its own job alone, else it would wait in the
-    next one for ever."""
-    jobs = ["launcher=joblib", "hydra.launcher.n_jobs=1", "cases/ablation=default,unmasked"]
-    done = by_itself(tmp_path, *jobs, "trainer=ddp", "trainer.accelerator=cpu")
-    assert done.returncode == 0, done.stderr
-    for case in ("default", "unmasked"):
-        folder = tmp_path / f"outputs/debug/ablation-quick/{case}-seed0"
-        result, about = read_result(folder / "result.json")
-        assert not result.failed and about["config"]["trainer"]["devices"] == 2
-        assert sorted(path.name for path in (folder / "checkpoints").iterdir()) == ["best.ckpt", "last.ckpt"]
-    assert not (tmp_path / "outputs/debug/ablation-quick/result.json").exists()

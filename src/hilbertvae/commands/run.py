@@ -41,7 +41,8 @@ def run(settings: Settings, again: bool = True) -> int:
     from hilbertvae.training.scoring import score
 
     mappers = build_mappers(settings.mapper)
-    training, sites = settings.checkpoint is None and (not mappers or needs_training(mappers)), _roles(settings)
+    training = settings.checkpoint is None and (not mappers or needs_training(mappers))
+    sites = _roles(settings)
     for reference in sites if training else settings.data.test:
         settings.source().check(reference)
     scored = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
@@ -64,7 +65,7 @@ def run(settings: Settings, again: bool = True) -> int:
         config,
         identity=identity(settings),
         seeds=seeds_of(settings, scored),
-        data=hashes | own | given_hashes(settings),
+        data=hashes | own | _given(settings),
         others=lambda: _others(settings, sites),
         pictures=settings.pictures,
         card=scored.card if scored else {},
@@ -118,11 +119,11 @@ def identity(settings: Settings) -> dict:
     tested = [settings.source().made_of(site) for site in settings.data.test]
     # Wherever networks fill maps, `device` counts as it is by default.
     mapper = {name: one | {"device": "auto"} if isinstance(one, dict) and "device" in one else one for name, one in settings.mapper.items()}
-    evaluated = {"mapper": mapper, "evaluation": asdict(settings.evaluation), "test": tested, **given_hashes(settings)}
+    evaluated = {"mapper": mapper, "evaluation": asdict(settings.evaluation), "test": tested, **_given(settings)}
     return {"version": hilbertvae.__version__, "training": training_hash(settings), **evaluated}
 
 
-def given_hashes(settings: Settings) -> dict[str, str]:
+def _given(settings: Settings) -> dict[str, str]:
     """The hashes of the networks that a run takes instead of training one: its own, and those that mappers name."""
     networks = {"checkpoint": settings.checkpoint, **named_networks(settings)}
     paths = {key: checkpoint_path(name) for key, name in networks.items() if name}

@@ -120,7 +120,7 @@ class _Found:
                 if region == "gaps":
                     self.curves[reading].append(_curve(asked.occupied[chosen], probability[chosen]))
                     if reading == "voxels" and hasattr(mapper, "predict_std"):
-                        spread = _known(mapper.predict_std(asked.points[chosen]), mapper)
+                        spread = _finite(mapper.predict_std(asked.points[chosen]), mapper, "spreads")
                         for metric, value in error_ranking(asked.occupied[chosen], probability[chosen], spread).items():
                             self.rows[reading][region][metric].append(value)
         return taken / max(sum(len(asked.points) for asked in case.asked.values()), 1) * 1e6
@@ -154,10 +154,11 @@ def _ask(mapper: Mapper, queries: np.ndarray) -> tuple[np.ndarray, float]:
     start = time.perf_counter()
     probability = mapper.predict_proba(queries)[:, 1]
     taken = time.perf_counter() - start
-    return _known(probability, mapper, "queries"), taken
+    return _finite(probability, mapper, "queries"), taken
 
 
-def _known(answers: np.ndarray, mapper: Mapper, what: str = "spreads") -> np.ndarray:
+def _finite(answers: np.ndarray, mapper: Mapper, what: str) -> np.ndarray:
+    """The answers; a `ValueError` where one is NaN, which would be ranked as if it were a number."""
     if wrong := np.count_nonzero(~np.isfinite(answers)):
         raise ValueError(f"{type(mapper).__name__} answered {wrong} of {len(answers)} {what} with NaN")
     return answers
