@@ -31,6 +31,17 @@ def test_what_was_filled_in_is_in_the_second_panel_alone(dimension, tmp_path):
     assert dark[1] > 1.2 * dark[0] > 0
 
 
+def test_what_was_observed_stays_beside_a_predicted_wall_where_a_pixel_is_several_cells(tmp_path, monkeypatch):
+    monkeypatch.setattr("hilbertvae.exports.map_picture.MOST_PX", 20)
+    index = np.stack(np.meshgrid(*[np.arange(40)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    observed = index[:, 0] % 2 == 0
+    cells = MapCells(index, 0.2, np.where(observed, 0.0, 1.0), np.zeros(len(index)), observed)
+    image = np.asarray(Image.open(write_picture(cells, tmp_path / "map.png", "")).convert("L")).astype(int)
+    sheets = np.array_split(image[:, : int(image.shape[1] * 0.9)], 2, axis=1)  # without the colour bar
+    left, right = (sheet[sheet.shape[0] // 2, sheet.shape[1] // 2] for sheet in sheets)
+    assert left > 240 and right < 60  # free as it was seen, and the wall that hides it in the other panel
+
+
 @pytest.mark.parametrize("shape", [(2, 400), (400, 2)])
 def test_a_corridor_has_room_for_its_titles(shape, tmp_path, recwarn):
     index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)

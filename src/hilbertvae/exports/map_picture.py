@@ -34,9 +34,13 @@ def write_picture(cells: MapCells, path: str | os.PathLike, title: str) -> Path:
 
 def _flat(cells: MapCells, title: str) -> Figure:
     """Two sheets of p(occupied), unknown grey."""
-    cells = cells.joined(-(-max(cells.box()[1]) // MOST_PX))
+    factor = -(-max(cells.box()[1]) // MOST_PX)
+    # What was observed is joined by itself: beside it the likeliest cell may be a predicted one.
+    seen, cells = cells.select(cells.observed).joined(factor), cells.joined(factor)
     low, shape = cells.box()
-    sheets = [cells.dense(np.where(shown, cells.probability, np.float32(0.5)), np.float32(0.5)).T for shown in (cells.observed, True)]
+    observed = np.full(shape, np.float32(0.5))
+    observed[tuple((seen.index - low).T)] = seen.probability
+    sheets = [observed.T, cells.dense(cells.probability, np.float32(0.5)).T]
     left, bottom = low * cells.resolution_m
     extent = (left, left + shape[0] * cells.resolution_m, bottom, bottom + shape[1] * cells.resolution_m)
     wide = shape[0] >= 2 * shape[1]
