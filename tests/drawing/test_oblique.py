@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from matplotlib import colormaps
 from matplotlib.colors import ListedColormap
 
-from hilbertvae.drawing.oblique import Camera, render_voxels, visible
+from hilbertvae.drawing.oblique import CREASE_PX, CREASES, Camera, _creases, render_voxels, visible
 
 
 def first_by_brute_force(centres, camera, resolution_m):
@@ -77,6 +77,32 @@ def test_faces_of_a_box_differ_and_creases_are_darker():
     floor = (seen >= 0) & (seen < 900)
     foot = floor & np.isin(seen, np.flatnonzero((np.abs(points[:900, :2] - [3.0, 2.1]) < [0.5, 0.15]).all(axis=1)))
     assert image[foot].mean() < image[floor & np.isin(seen, np.flatnonzero(far))].mean()
+
+
+def creases_by_brute_force(depth, resolution_m):
+    """Pixel by pixel; beyond the picture's side its last pixel goes on."""
+    factors = np.ones(depth.shape)
+    for row, column in np.argwhere(np.isfinite(depth)):
+        shade = 0.0
+        for reach in CREASE_PX:
+            for down, aside in ((0, reach), (reach, 0), (reach, reach), (reach, -reach)):
+                deeper = 0.0
+                for sign in (1, -1):
+                    there = np.clip([row + sign * down, column + sign * aside], 0, np.array(depth.shape) - 1)
+                    if np.isfinite(depth[tuple(there)]):
+                        deeper += np.clip(depth[row, column] - depth[tuple(there)], -4 * resolution_m, 4 * resolution_m)
+                shade += max(deeper, 0)
+        factors[row, column] = np.exp(-CREASES * shade / resolution_m)
+    return factors
+
+
+@pytest.mark.parametrize("rows", [5, 19])
+def test_creases_are_those_of_each_pixel_by_itself(rows, monkeypatch):
+    monkeypatch.setattr("hilbertvae.drawing.oblique.ROWS_AT_ONCE", 8)
+    rng = np.random.default_rng(rows)
+    depth = np.where(rng.random((rows, 17)) < 0.8, rng.normal(0, 0.5, (rows, 17)), np.inf).astype(np.float32)
+    hit = np.isfinite(depth)
+    np.testing.assert_allclose(_creases(depth, 0.2)[hit], creases_by_brute_force(depth, 0.2)[hit], rtol=1e-5)
 
 
 def test_no_voxels_is_white_and_off_picture_is_left_out():

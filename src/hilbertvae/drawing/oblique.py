@@ -22,6 +22,8 @@ CREASES = 0.025
 """How dark creases are."""
 CREASE_PX = (2, 5, 12)
 """At these distances, in rays, neighbours are looked at: fine edges, and a wider shade around what stands on something."""
+ROWS_AT_ONCE = 64
+"""Rows of rays whose creases are found together, so that what they need stays in the processor's cache."""
 GRID_PX = 10
 """Voxels at least so large show their edges."""
 ELEVATION_DEG = 38.0
@@ -111,8 +113,8 @@ def render_voxels(
         depth, light = _lit(centres, voxel, fine, resolution_m)
         light *= _creases(depth, resolution_m)[hit]
         image[hit] = base[voxel[hit]] * light[:, None]
-    width, height = camera.pixels
-    image = image.reshape(height, SUPERSAMPLE, width, SUPERSAMPLE, 3).mean(axis=(1, 3))
+    rays = [image[down::SUPERSAMPLE, aside::SUPERSAMPLE] for down in range(SUPERSAMPLE) for aside in range(SUPERSAMPLE)]
+    image = reduce(np.add, rays) / np.float32(len(rays))  # a fifth of the time of a mean along two axes
     return np.round(np.clip(image, 0, 1) * 255).astype(np.uint8)
 
 
@@ -179,8 +181,9 @@ def _lit(centres: np.ndarray, voxel: np.ndarray, camera: Camera, resolution_m: f
     row, column = np.nonzero(voxel >= 0)
     centre = camera.project(centres)[voxel[row, column]]
     x, y = (column + 0.5 - centre[:, 0]).astype(np.float32), (row + 0.5 - centre[:, 1]).astype(np.float32)
-    enter = np.stack(_slabs(x, y, camera, resolution_m)[0])
-    face, into = enter.argmax(axis=0), enter.max(axis=0)
+    enter = _slabs(x, y, camera, resolution_m)[0]
+    into = reduce(np.maximum, enter)
+    face = np.where(enter[0] == into, np.int8(0), np.where(enter[1] == into, np.int8(1), np.int8(2)))
     depth = np.full(voxel.shape, np.inf, np.float32)
     depth[row, column] = centre[:, 2] + into
     right, up, forward = camera.axes
@@ -196,10 +199,13 @@ def _lit(centres: np.ndarray, voxel: np.ndarray, camera: Camera, resolution_m: f
 def _rim(x, y, into, face, camera: Camera, resolution_m: float) -> np.ndarray:
     """(n,) bool: the pixels at the edge of their voxel's face."""
     right, up, forward = camera.axes
-    spot = np.stack([x * right[a] * camera.pixel_m - y * up[a] * camera.pixel_m + into * forward[a] for a in range(3)])
-    left = resolution_m / 2 - np.abs(spot)
-    left[face, np.arange(len(face))] = np.inf
-    return left.min(axis=0) < 0.75 * SUPERSAMPLE / 2 * camera.pixel_m
+    across, along = np.float32(camera.pixel_m) * right.astype(np.float32), np.float32(camera.pixel_m) * up.astype(np.float32)
+    inner = np.float32(resolution_m / 2 - 0.75 * SUPERSAMPLE / 2 * camera.pixel_m)
+    rim = np.zeros(len(face), bool)
+    for axis in range(3):
+        spot = x * across[axis] - y * along[axis] + into * np.float32(forward[axis])
+        rim |= (np.abs(spot) > inner) & (face != axis)  # across the face itself every spot is half a voxel from the middle
+    return rim
 
 
 def _creases(depth: np.ndarray, resolution_m: float) -> np.ndarray:
@@ -207,18 +213,35 @@ def _creases(depth: np.ndarray, resolution_m: float) -> np.ndarray:
 
     Eye-dome lighting (Boucheny and Ribes, 2011) with the second difference of the depth, which leaves slanted planes alone.
     """
-    height, width = depth.shape
-    wide = np.pad(depth, CREASE_PX[-1], mode="edge")
-    shade = np.zeros(depth.shape, np.float32)
+    margin = CREASE_PX[-1]
+    there = np.pad(np.isfinite(depth), margin, mode="edge")
+    wide = np.where(there, np.pad(depth, margin, mode="edge"), np.float32(0))
+    factors = np.empty(depth.shape, np.float32)
+    for first in range(0, len(depth), ROWS_AT_ONCE):
+        rows = slice(first, first + ROWS_AT_ONCE + 2 * margin)
+        shade = _shade(wide[rows], there[rows].astype(np.float32), 4 * resolution_m)
+        factors[first : first + ROWS_AT_ONCE] = np.exp(-CREASES * shade / resolution_m)
+    return factors
+
+
+def _shade(depth: np.ndarray, there: np.ndarray, most: float) -> np.ndarray:
+    """What neighbours on both sides are nearer, summed over directions, of all pixels but a margin of `CREASE_PX[-1]` on each side.
+
+    there: 1 where `depth` is of something, 0 of the background, which is infinitely far: from or to it there is no crease.
+    """
+    margin = CREASE_PX[-1]
+    height, width = depth.shape[0] - 2 * margin, depth.shape[1] - 2 * margin
+    shade = np.zeros((height, width), np.float32)
     for reach in CREASE_PX:
         for down, aside in ((0, reach), (reach, 0), (reach, reach), (reach, -reach)):
-            deeper = np.zeros(depth.shape, np.float32)
-            for sign in (1, -1):
-                row, column = CREASE_PX[-1] + sign * down, CREASE_PX[-1] + sign * aside
-                with np.errstate(invalid="ignore"):
-                    difference = depth - wide[row : row + height, column : column + width]
-                # From or to the background, which is infinitely far, there is no crease.
-                difference[~np.isfinite(difference)] = 0
-                deeper += np.clip(difference, -4 * resolution_m, 4 * resolution_m, out=difference)
+            # From each pixel to its neighbour that way: of all pixels, and of those that have one of these for a neighbour.
+            left, right = max(aside, 0), max(-aside, 0)
+            rows, columns = slice(margin - down, margin + height), slice(margin - left, margin + width + right)
+            next_rows, next_columns = slice(margin, margin + height + down), slice(margin - left + aside, margin + width + right + aside)
+            step = depth[rows, columns] - depth[next_rows, next_columns]
+            np.clip(step, -most, most, out=step)
+            step *= there[rows, columns]
+            step *= there[next_rows, next_columns]
+            deeper = step[down:, left : left + width] - step[:height, right : right + width]
             shade += np.maximum(deeper, 0, out=deeper)
-    return np.exp(-CREASES * shade / resolution_m)
+    return shade
