@@ -66,10 +66,14 @@ def _draw_seeds(tree: cKDTree, inner_radius_m: float, rng: np.random.Generator) 
 
 def _first_come(points: np.ndarray, radius_m: float) -> np.ndarray:
     """(N,) bool: those of `points (N, D)` that no earlier one which is itself chosen has within the radius."""
-    chosen = np.ones(len(points), bool)
-    pairs = cKDTree(points).query_pairs(radius_m, output_type="ndarray")
-    # In order of the earlier point: when its pairs come up, it has been decided whether it is chosen.
-    for earlier, later in pairs[np.lexsort(pairs.T[::-1])].tolist():
-        if chosen[earlier]:
-            chosen[later] = False
-    return chosen
+    beaten = np.zeros(len(points), bool)
+    earlier, later = cKDTree(points).query_pairs(radius_m, output_type="ndarray").T
+    # Rounds (Blelloch, Fineman and Shun, 2012): who has none before it that may still be chosen is, and beats those after it.
+    while len(later):
+        waits = np.zeros(len(points), bool)
+        waits[later] = True
+        first = ~waits[earlier]
+        beaten[later[first]] = True
+        open_ = ~(first | beaten[earlier] | beaten[later])
+        earlier, later = earlier[open_], later[open_]
+    return ~beaten
