@@ -17,7 +17,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from measuring import arguments, report, seconds_of, stage_seconds, target
+from measuring import SMALL_BUILDING, arguments, report, seconds_of, stage_seconds, target
 
 from hilbertvae.cloud import RESOLUTION_M, Cloud
 from hilbertvae.grids.cluster_grids import GridSettings
@@ -69,7 +69,7 @@ def fresh_network(dimension: int) -> Reconstructor:
 
 def one_site(dimension: int, small: bool) -> Cloud:
     """The cloud of one simulated site; a tiny one for tests."""
-    building = BuildingSettings(shortest_extent_m=12.0, longest_extent_m=15.0, scans=50) if small else BuildingSettings()
+    building = SMALL_BUILDING if small else BuildingSettings()
     street = StreetSettings(sensor="hdl64", single_scan_share=0.0, scans=8)
     if small:
         street = StreetSettings(scans=1, azimuths=60, max_range_m=15.0)
@@ -112,7 +112,7 @@ def main(words: list[str] | None = None) -> None:
     parser.add_argument("--child", action="store_true", help="do the work here and print the numbers as JSON")
     given = parser.parse_args(words)
     flips = given.flips or FLIPS[given.dimension]
-    counts, flips, queries = ([10_000, 20_000], 1, 20_000) if given.quick else (given.points, flips, given.queries)
+    counts, flips, queries = ([5_000, 10_000], 1, 20_000) if given.quick else (given.points, flips, given.queries)
     if given.child:
         print(json.dumps(work(given.dimension, given.points[0], flips, given.queries, given.checkpoint)))
         return

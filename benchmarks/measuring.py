@@ -15,8 +15,11 @@ from unittest.mock import patch
 
 from hilbertvae.files import write_json
 from hilbertvae.reports.provenance import cpu_name, git_state, package_versions, without_folders
+from hilbertvae.simulate.building import BuildingSettings
 
 RESULTS = Path(__file__).parent.parent / "docs" / "results" / "benchmarks"
+SMALL_BUILDING = BuildingSettings(shortest_extent_m=12.0, longest_extent_m=15.0, scans=50)
+"""For tests."""
 RIVALS = ("faiss-cpu", "octomap-python", "hydra-joblib-launcher", "submitit", "ray")
 
 
