@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import time
+from concurrent.futures import ThreadPoolExecutor
 from itertools import product
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from warm_start import train
 from hilbertvae.clusters.starts import STARTS
 from hilbertvae.commands.configuration import CONF, SWEEPS, to_settings
 from hilbertvae.commands.run import run
-from hilbertvae.commands.sweep_progress import earlier_jobs
+from hilbertvae.commands.sweep_progress import earlier_jobs, list_jobs
 from hilbertvae.commands.table import main as table
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.run_state import UNFINISHED
@@ -134,6 +135,13 @@ def test_jobs_of_earlier_launches_stay_listed(tmp_path):
     for damaged in ("{", "[]", '{"sweep": "table1", "size": "quick", "jobs": 3}'):
         path.write_text(damaged)
         assert earlier_jobs(path, "table1", "quick") == []
+
+
+def test_launches_at_the_same_time_list_each_other_s_jobs(tmp_path):
+    names = [f"a-seed{seed}" for seed in range(8)]
+    with ThreadPoolExecutor(len(names)) as launches:
+        list(launches.map(lambda name: list_jobs(tmp_path / "new", "table1", "quick", [name]), names))
+    assert sorted(earlier_jobs(tmp_path / "new/sweep.json", "table1", "quick")) == names
 
 
 class TestASweepSurvives:

@@ -22,6 +22,7 @@ from omegaconf import DictConfig, OmegaConf
 from hilbertvae.checks import InputError
 from hilbertvae.files import json_object, write_json
 from hilbertvae.reports.result_json import read_result
+from hilbertvae.reports.run_lock import alone_in
 from hilbertvae.reports.run_state import is_trained, refusal
 from hilbertvae.tables.clustering import NAME as CLUSTERING
 from hilbertvae.tables.sweep import SWEEP
@@ -57,8 +58,7 @@ class SweepProgress(Callback):
             sys.exit(2)
         sweep = OmegaConf.select(config, "hydra.runtime.choices.sweep")
         if sweep:  # any other multirun may be of anything; hilbertvae-table is told what with --sweep
-            known = earlier_jobs(folder / SWEEP, sweep, config.size)
-            write_json(folder / SWEEP, {"sweep": sweep, "size": config.size, "jobs": list(dict.fromkeys(known + names))})
+            list_jobs(folder, sweep, config.size, names)
         print(f"{len(jobs)} jobs in {folder}", flush=True)
         # Not on_multirun_end, which Hydra leaves out when a job failed.
         atexit.register(say_how_it_ended, folder, jobs)
@@ -71,6 +71,13 @@ class SweepProgress(Callback):
             return  # a single run
         how = "finished" if job_return.status == JobStatus.COMPLETED else "FAILED"
         print(f"\n{how} {Path(config.hydra.runtime.output_dir).name} in {time.perf_counter() - self.since:.0f} s", flush=True)
+
+
+def list_jobs(folder: Path, sweep: str, size: str, names: list[str]) -> None:
+    """`names` beside the jobs of the same sweep that `sweep.json` has; of launches at the same time, none forgets the other's."""
+    with alone_in(folder, waits=True):
+        known = earlier_jobs(folder / SWEEP, sweep, size)
+        write_json(folder / SWEEP, {"sweep": sweep, "size": size, "jobs": list(dict.fromkeys(known + names))})
 
 
 def earlier_jobs(path: Path, sweep: str, size: str) -> list[str]:
