@@ -47,6 +47,15 @@ def test_the_points_are_not_replaced(tree, tmp_path, monkeypatch, capsys, name):
     assert files(tmp_path) == before and (tmp_path / "link.csv").is_symlink()
 
 
+@pytest.mark.parametrize("rows, warned", [(1, False), (3, False), (20, True)])
+def test_a_few_typed_places_far_off_are_those_that_were_meant(tree, tmp_path, capsys, rows, warned):
+    """A cloud whose coordinates all have seven digits was rounded on its way."""
+    lines = [f"{448251 + row}.5 {5411932 + row} 0.25" for row in range(rows)]
+    (tmp_path / "asked.txt").write_text("\n".join(lines))
+    assert query.main([f"map={tree}", f"points={tmp_path / 'asked.txt'}"]) == 0
+    assert ("digits" in capsys.readouterr().err) == warned
+
+
 @pytest.mark.parametrize("summary", [True, False])
 def test_no_file_of_a_map_is_replaced(folder, tmp_path, capsys, summary):
     """Neither of the one that is asked nor of another; beside them answers may be written, also a second time."""

@@ -48,7 +48,7 @@ def run(settings: QuerySettings) -> None:
     mapper = load_map(map_file)
     points = read_points(settings.points).points
     placed = np.isfinite(points).all(axis=1)  # an organised cloud has rows without
-    warn_if_rounded(points[placed], settings.points)
+    warn_if_rounded(points[placed], settings.points, came_as=np.float64)  # a few may have been typed, with the digits that were meant
     if points.shape[1] == 3 and mapper.n_features_in_ == 2 and np.ptp(points[placed, 2]) < FLAT_M:
         if (height_m := points[placed][0, 2]) != 0:  # of 0 as a PLY of a plan has it, `points.ply` among them
             warnings.warn(f"{settings.points}: the map is a plan, so the third coordinate, {height_m:g} m, is left out", stacklevel=2)
