@@ -35,16 +35,28 @@ def pixels(url):
 def test_pictures_of_a_flat_map_show_each_cell_in_its_place(tmp_path):
     cells = some_cells(2)
     found = data_of(write_page(cells, tmp_path / "map.html", "a map", TABLES))
-    observed, probability = pixels(found["observed"]), pixels(found["modes"][0]["image"])
+    observed, filled = (pixels(found["modes"][0][name]) for name in ("observed", "filled"))
     low, high = cells.index.min(axis=0), cells.index.max(axis=0)
-    assert observed.shape[:2] == tuple((high - low + 1)[::-1])
+    assert observed.shape[:2] == filled.shape[:2] == tuple((high - low + 1)[::-1])
     shown = np.zeros(observed.shape[:2], bool)
     for (x, y), seen, p in zip(cells.index, cells.observed, cells.probability, strict=True):
         row, column = high[1] - y, x - low[0]  # the picture's first row is the map's last
         shown[row, column] = True
-        assert (observed[row, column, 3] == 255) == seen
-        assert (probability[row, column, 0] < probability[row, column, 2]) == (p < 0.4) or 0.3 < p < 0.6  # bluish where free
-    assert (probability[~shown, 3] == 0).all()
+        assert (observed[row, column, 3] == 255) == seen and (filled[row, column, 3] == 255) == (not seen)
+        colour = (observed if seen else filled)[row, column]
+        assert (colour[0] < colour[2]) == (p < 0.4) or 0.3 < p < 0.6  # bluish where free
+    assert (observed[~shown, 3] == 0).all() and (filled[~shown, 3] == 0).all()
+
+
+def test_what_was_observed_stays_beside_a_predicted_wall_where_a_pixel_is_several_cells(tmp_path, monkeypatch):
+    monkeypatch.setattr("hilbertvae.exports.page.MOST_PIXELS", 20)
+    index = np.stack(np.meshgrid(*[np.arange(40)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    seen = index[:, 0] % 2 == 0
+    cells = MapCells(index, 0.2, np.where(seen, 0.0, 1.0), np.full(len(index), 0.1), seen)
+    for mode in data_of(write_page(cells, tmp_path / "map.html", "a map", TABLES))["modes"]:
+        assert (pixels(mode["observed"])[..., 3] == 255).all() and (pixels(mode["filled"])[..., 3] == 255).all()
+        if mode["name"] == "probability":
+            assert (pixels(mode["observed"])[..., 0] > 200).all() and (pixels(mode["filled"])[..., :3] < 60).all()
 
 
 def test_voxels_of_a_solid_map_come_back(tmp_path):

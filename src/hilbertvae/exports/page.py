@@ -10,6 +10,7 @@ import html
 import io
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 from string import Template
 
@@ -29,7 +30,7 @@ TEMPLATE = Path(__file__).with_suffix(".html")
 MOST_CELLS = 1_500_000
 """In 3D more voxels than these are joined, two to a side, until they fit: a browser has to hold and turn them."""
 MOST_PIXELS = 4_096
-"""Along a side of a 2D map's picture: a browser holds eight of them, and those of phones refuse larger ones."""
+"""Along a side of a 2D map's picture: a browser holds five of them, and those of phones refuse larger ones."""
 
 
 def write_page(cells: MapCells, path: str | os.PathLike, title: str, tables: dict[str, list[list[str]]]) -> Path:
@@ -56,32 +57,33 @@ def write_page(cells: MapCells, path: str | os.PathLike, title: str, tables: dic
 
 
 def _flat(cells: MapCells) -> dict:
-    """Pictures of a 2D map, a pixel per cell; rows from the top."""
-    cells = cells.joined(-(-max(cells.box()[1]) // MOST_PIXELS))
+    """Pictures of a 2D map, a pixel per cell; rows from the top. `filled` lies over `observed`."""
+    factor = -(-max(cells.box()[1]) // MOST_PIXELS)
+    # What was observed is joined by itself: beside it the likeliest cell may be a predicted one.
+    seen, cells = cells.select(cells.observed).joined(factor), cells.joined(factor)
     low, (columns, rows) = cells.box()
-    column, row = (cells.index - low).T
-    row = rows - 1 - row
+    filled = cells.select(~cells.observed)
 
-    def picture(colours: np.ndarray) -> str:
+    def picture(part: MapCells, colours: np.ndarray) -> str:
         pixels = np.zeros((rows, columns, 4), np.uint8)
-        pixels[row, column] = colours
+        column, row = (part.index - low).T
+        pixels[rows - 1 - row, column] = colours
         file = io.BytesIO()
         Image.fromarray(pixels).save(file, "PNG", optimize=True)
         return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()
 
-    solid = np.full((len(cells), 4), 255, np.uint8)
-    tint = np.zeros_like(solid)
-    tint[~cells.observed] = (*_byte(to_rgb(GAP_COLOUR)), 110)
-    likely = picture(_byte(PROBABILITY(cells.probability.astype(float))))
-    modes = [{**_mode("probability", PROBABILITY, "free", "occupied"), "image": likely}]
+    def pictures(colours: Colormap, values: Callable[[MapCells], np.ndarray]) -> dict:
+        return {name: picture(part, _byte(colours(values(part)))) for name, part in (("observed", seen), ("filled", filled))}
+
+    likely = pictures(PROBABILITY, lambda part: part.probability.astype(float))
+    modes = [{**_mode("probability", PROBABILITY, "free", "occupied"), **likely}]
     if _asked_how_sure(cells):
-        modes.append({**_mode("uncertainty", UNCERTAINTY, "sure", "unsure"), "image": picture(_byte(UNCERTAINTY(_uncertainty(cells))))})
+        modes.append({**_mode("uncertainty", UNCERTAINTY, "sure", "unsure"), **pictures(UNCERTAINTY, _uncertainty)})
     return {
         "dimension": 2,
         "resolution_m": cells.resolution_m,
         "corner_m": (low * cells.resolution_m).tolist(),
-        "observed": picture(solid * cells.observed[:, None]),
-        "tint": picture(tint),
+        "tint": picture(filled, np.array([*_byte(to_rgb(GAP_COLOUR)), 110], np.uint8)),
         "modes": modes,
     }
 
