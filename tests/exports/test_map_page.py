@@ -59,6 +59,14 @@ def test_what_was_observed_stays_beside_a_predicted_wall_where_a_pixel_is_severa
             assert (pixels(mode["observed"])[..., 0] > 200).all() and (pixels(mode["filled"])[..., :3] < 60).all()
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_page_knows_whether_anything_was_filled_in(dimension, tmp_path):
+    """Else it would have a second half, and switches, that show nothing."""
+    cells = some_cells(dimension)
+    assert data_of(write_page(cells, tmp_path / "map.html", "a map", TABLES))["filled"] is True
+    assert data_of(write_page(cells.select(cells.observed), tmp_path / "map.html", "a map", TABLES))["filled"] is False
+
+
 def test_voxels_of_a_solid_map_come_back(tmp_path):
     cells = some_cells(3, 3000)
     found = data_of(write_page(cells, tmp_path / "map.html", "a map", TABLES))

@@ -31,6 +31,16 @@ def test_what_was_filled_in_is_in_the_second_panel_alone(dimension, tmp_path):
     assert dark[1] > 1.2 * dark[0] > 0
 
 
+@pytest.mark.parametrize("shape", [(30, 25), (60, 25), (25, 25, 4)])
+def test_a_map_of_which_nothing_was_filled_in_is_shown_once(shape, tmp_path):
+    index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, len(shape))
+    sizes = [
+        Image.open(write_picture(cells_of(index, observed=observed), tmp_path / "map.png", "a map")).size for observed in (False, True)
+    ]
+    (width, height), (once, low) = sizes
+    assert (once, low) != (width, height) and (once < 0.65 * width or low < 0.65 * height)
+
+
 def test_what_was_observed_stays_beside_a_predicted_wall_where_a_pixel_is_several_cells(tmp_path, monkeypatch):
     monkeypatch.setattr("hilbertvae.exports.map_picture.MOST_PX", 20)
     index = np.stack(np.meshgrid(*[np.arange(40)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -10,8 +10,10 @@ import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colorbar import Colorbar
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
@@ -19,6 +21,7 @@ from PIL import Image
 from scipy import ndimage
 
 from hilbertvae.drawing.colours import GAP_COLOUR, PROBABILITY
+from hilbertvae.drawing.lit_colours import HEIGHT, HEIGHTS_M
 from hilbertvae.files import atomic
 from hilbertvae.gaps import Gaps
 from hilbertvae.mappers.mapper import OCCUPIED_ABOVE
@@ -132,6 +135,14 @@ def probability_bar(figure, image: AxesImage, axes, **where) -> None:
     bar = figure.colorbar(image, ax=axes, **{"shrink": 0.6, "aspect": 30, "pad": 0.01, **where})
     bar.set_ticks([0, 0.2, 0.4, 0.5, OCCUPIED_ABOVE, 0.8, 1], labels=["0  free", "0.2", "0.4", "unknown", "0.6", "0.8", "1  occupied"])
     label_bar(bar, "p(occupied)")
+
+
+def height_bar(figure: Figure, axes, shrink: float = 0.8) -> None:
+    """The colour bar of heights above the ground, as voxels are coloured by them."""
+    scale = ScalarMappable(Normalize(*HEIGHTS_M), HEIGHT)
+    bar = figure.colorbar(scale, ax=axes, shrink=shrink, aspect=30, pad=0.01, extend="max", extendfrac=0.03)
+    bar.set_ticks([0, 1, 2, 3, 4])
+    label_bar(bar, "height above ground (m)")
 
 
 def label_bar(bar: Colorbar, label: str) -> None:

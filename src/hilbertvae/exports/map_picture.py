@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hilbertvae.checks import InputError
-from hilbertvae.drawing.canvas import new_figure, probability_bar, save_picture, scale_bar, show_probability, title_of
+from hilbertvae.drawing.canvas import height_bar, new_figure, probability_bar, save_picture, scale_bar, show_probability, title_of
 from hilbertvae.drawing.lit_colours import GAP_TINT, HEIGHT, HEIGHTS_M
 from hilbertvae.drawing.oblique import render_voxels, whole_view
 from hilbertvae.exports.cell_heights import heights_above_ground
@@ -40,16 +40,19 @@ def _flat(cells: MapCells, title: str) -> Figure:
     low, shape = cells.box()
     observed = np.full(shape, np.float32(0.5))
     observed[tuple((seen.index - low).T)] = seen.probability
-    sheets = [observed.T, cells.dense(cells.probability, np.float32(0.5)).T]
+    sheets = {f"{title}, as observed": observed.T, "filled in": cells.dense(cells.probability, np.float32(0.5)).T}
+    if cells.observed.all():
+        del sheets["filled in"]
     left, bottom = low * cells.resolution_m
     extent = (left, left + shape[0] * cells.resolution_m, bottom, bottom + shape[1] * cells.resolution_m)
     wide = shape[0] >= 2 * shape[1]
     side = 7.0
     width, height = (2 * side, 2 * side * shape[1] / shape[0]) if wide else (side * min(shape[0] / shape[1], 2), side)
     width, height = max(width, LEAST_IN), max(height, LEAST_IN)
-    figure = new_figure(width + 1.2, 2 * height + 0.6) if wide else new_figure(2 * width + 1.2, height + 0.4)
-    panels = figure.subplots(2, 1) if wide else figure.subplots(1, 2)
-    for axes, sheet, said in zip(panels, sheets, (f"{title}, as observed", "filled in"), strict=True):
+    rows, columns = (len(sheets), 1) if wide else (1, len(sheets))
+    figure = new_figure(columns * width + 1.2, rows * (height + 0.3) + 0.1)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, (said, sheet) in zip(panels, sheets.items(), strict=True):
         image = show_probability(axes, sheet, extent)
         scale_bar(axes)
         title_of(axes, said)
@@ -64,9 +67,11 @@ def _solid(cells: MapCells, title: str) -> Figure:
     camera = whole_view(np.concatenate([occupied.centres - margin, occupied.centres + margin]))
     height_m = heights_above_ground(occupied)
     side = 9.0
-    figure = new_figure(side, 2 * (side * camera.pixels[1] / camera.pixels[0] + 0.3))
-    panels = figure.subplots(2, 1)
     drawn = {f"{title}, as observed": occupied.observed, "filled in, green": np.ones(len(occupied), bool)}
+    if cells.observed.all():
+        del drawn["filled in, green"]
+    figure = new_figure(side + 1.0, len(drawn) * (side * camera.pixels[1] / camera.pixels[0] + 0.3))
+    panels = figure.subplots(len(drawn), 1, squeeze=False).ravel()
     for axes, (said, shown) in zip(panels, drawn.items(), strict=True):
         part, tinted = occupied.select(shown), ~occupied.observed[shown]
         image = render_voxels(part.centres, height_m[shown], camera, cells.resolution_m, HEIGHT, HEIGHTS_M, tinted, GAP_TINT)
@@ -74,4 +79,5 @@ def _solid(cells: MapCells, title: str) -> Figure:
         axes.set(xticks=[], yticks=[])
         scale_bar(axes)
         title_of(axes, said)
+    height_bar(figure, panels.tolist(), shrink=0.8)
     return figure

@@ -41,6 +41,7 @@ def write_page(cells: MapCells, path: str | os.PathLike, title: str, tables: dic
     if not len(cells):
         raise InputError(f"{path}: expected a map with known cells, got none")
     data = _flat(cells) if cells.dimension == 2 else _solid(cells)
+    data["filled"] = not cells.observed.all()
     hint = "drag to move" if data["dimension"] == 2 else "drag to turn, with shift or two fingers to move"
     coarser = f"; shown in cells of {data['resolution_m']:g} m" if data["resolution_m"] > cells.resolution_m else ""
     nothing = "" if cells.occupied.any() or data["dimension"] == 2 else "; nothing is occupied, this is the likeliest cell"

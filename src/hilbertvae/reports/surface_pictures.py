@@ -11,7 +11,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from hilbertvae.drawing.canvas import bare_axes, label_bar, new_figure, probability_bar, scale_bar, title_of
+from hilbertvae.drawing.canvas import bare_axes, height_bar, new_figure, probability_bar, scale_bar, title_of
 from hilbertvae.drawing.colours import GAP_COLOUR
 from hilbertvae.drawing.lit_colours import GAP_TINT, HEIGHT, HEIGHTS_M, LIT
 from hilbertvae.drawing.oblique import ELEVATION_DEG, Camera, render_voxels, visible, whole_view
@@ -44,7 +44,7 @@ def site_view_picture(view: SiteView) -> Figure:
     panels[1, 0].set_title("shown, by the map's p(occupied)", fontsize=10, loc="left", pad=3)
     panels[1, 1].set_title("map, by its p(occupied)", fontsize=10, loc="left", pad=3)
     _outline_balls(panels[0, 0], view.gaps, camera, 0.6)
-    _height_bar(figure, panels[0].tolist())
+    height_bar(figure, panels[0].tolist())
     probability_bar(figure, ScalarMappable(Normalize(0, 1), LIT), panels[1].tolist(), shrink=0.8)
     return figure
 
@@ -62,13 +62,6 @@ def _outline_balls(axes: Axes, gaps: Gaps, camera: Camera, linewidth: float) -> 
     column, row, _ = camera.project(gaps.centres).T
     for x, y, radius in zip(column * camera.pixel_m, (camera.pixels[1] - row) * camera.pixel_m, gaps.radius_m, strict=True):
         axes.add_patch(Circle((x, y), radius, fill=False, edgecolor=GAP_COLOUR, linewidth=linewidth, zorder=5))
-
-
-def _height_bar(figure: Figure, axes, shrink: float = 0.8) -> None:
-    scale = ScalarMappable(Normalize(*HEIGHTS_M), HEIGHT)
-    bar = figure.colorbar(scale, ax=axes, shrink=shrink, aspect=30, pad=0.01, extend="max", extendfrac=0.03)
-    bar.set_ticks([0, 1, 2, 3, 4])
-    label_bar(bar, "height above ground (m)")
 
 
 def close_up_picture(view: SiteView, gaps: dict[int, str] | None = None) -> Figure:
@@ -96,7 +89,7 @@ def close_up_picture(view: SiteView, gaps: dict[int, str] | None = None) -> Figu
         line[0].set_title(f"gap {gap + 1}: {why}", fontsize=9, loc="left", pad=3)
     for axes in panels[len(chosen) :].ravel():
         axes.set_visible(False)
-    _height_bar(figure, panels.ravel().tolist(), shrink=min(1.0, 1.8 / len(panels)))
+    height_bar(figure, panels.ravel().tolist(), shrink=min(1.0, 1.8 / len(panels)))
     return figure
 
 
