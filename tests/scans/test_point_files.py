@@ -204,6 +204,10 @@ def test_bad_options_are_named(tmp_path, options):
 def test_an_unknown_extension(tmp_path):
     with pytest.raises(InputError, match=r"a.abc: unknown extension '.abc'; known are .bin .csv"):
         read_points(tmp_path / "a.abc")
+    for name in ("folder", "folder.ply"):
+        (tmp_path / name).mkdir()
+        with pytest.raises(InputError, match=f"{name}: expected a file of points, found a folder"):
+            read_points(tmp_path / name)
 
 
 @pytest.mark.parametrize("viewpoint", [None, (1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0)])

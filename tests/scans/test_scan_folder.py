@@ -61,7 +61,13 @@ def test_mixed_formats_none_and_no_folder(tmp_path):
     with pytest.raises(InputError, match="expected scans of one format .*, found 3 .bin, 1 .npz"):
         read_scan_folder(tmp_path)
     (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="empty: expected scans of one format .*, found none"):
+    with pytest.raises(InputError, match="empty: expected scans of one format .*, found none$"):
+        read_scan_folder(tmp_path / "empty")
+    for name, count in (("image_00/data", 1), ("velodyne_points/data", 2)):  # as KITTI's raw data lie
+        (tmp_path / "empty" / name).mkdir(parents=True)
+        for number in range(count):
+            (tmp_path / "empty" / name / f"{number}.bin").touch()
+    with pytest.raises(InputError, match="found none; in velodyne_points/data there are 2 .bin$"):
         read_scan_folder(tmp_path / "empty")
     with pytest.raises(InputError, match="nowhere: no such file; expected a folder of scans"):
         read_scan_folder(tmp_path / "nowhere")

@@ -45,6 +45,8 @@ def read_points(path: str | os.PathLike, may_be_empty: bool = False) -> FilePoin
     files of no return have no byte, and text files no row.
     """
     path = Path(path)
+    if path.is_dir():
+        raise InputError(f"{path}: expected a file of points, found a folder")
     if path.suffix.lower() not in READERS:
         raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {' '.join(READERS)}")
     if may_be_empty and path.suffix.lower() in BARE and path.is_file() and not path.stat().st_size:

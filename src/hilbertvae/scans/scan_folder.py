@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import warnings
 from collections import Counter
 from collections.abc import Sequence
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +30,8 @@ POSES, VELODYNE = "poses.txt", "velodyne"
 POSED = ".e57"
 """Files of this ending may have taken their points to the map by a pose of their own."""
 NOT_SCANS = {POSES, "times.txt", "timestamps.txt", "calib.txt", "readme.txt", "license.txt"}
+MOST_FOLDERS = 100
+"""So many are looked through for scans that are not where they were looked for."""
 
 
 def read_scan_folder(
@@ -56,13 +60,35 @@ def read_scan_folder(
 def scan_files(folder: Path) -> list[Path]:
     """The scans in a folder, in the order of their names; an `InputError` unless they are of one format."""
     with reading(folder, "a folder of scans"):
-        files = [path for path in folder.iterdir() if path.suffix.lower() in READERS and path.name.lower() not in NOT_SCANS]
-        files = [path for path in files if path.is_file() and not path.name.startswith(".")]
-    kinds = Counter(path.suffix.lower() for path in files)
+        files = _with_points(folder)
+    kinds = _kinds(files)
     if len(kinds) != 1:
-        found = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())) or "none"
+        found = _told(kinds) or "none" + _further_down(folder)
         raise InputError(f"{folder}: expected scans of one format ({' '.join(READERS)}), found {found}")
     return names_in_order(files)
+
+
+def _with_points(folder: Path) -> list[Path]:
+    files = [path for path in folder.iterdir() if path.suffix.lower() in READERS and path.name.lower() not in NOT_SCANS]
+    return [path for path in files if path.is_file() and not path.name.startswith(".")]
+
+
+def _kinds(files: Sequence[Path]) -> Counter:
+    return Counter(path.suffix.lower() for path in files)
+
+
+def _told(kinds: Counter) -> str:
+    return ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
+
+
+def _further_down(folder: Path) -> str:
+    """Where the most scans lie up to two folders further down, as in KITTI's raw data; nothing where there are none."""
+    found: dict[Path, list[Path]] = {}
+    with contextlib.suppress(OSError):
+        for below in islice(chain(folder.glob("*/"), folder.glob("*/*/")), MOST_FOLDERS):
+            found[below] = _with_points(below)
+    most = max(found, key=lambda below: len(found[below]), default=folder)
+    return f"; in {most.relative_to(folder)} there are {_told(_kinds(found[most]))}" if found.get(most) else ""
 
 
 def read_posed_scans(
