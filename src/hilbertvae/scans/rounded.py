@@ -56,9 +56,9 @@ def _is_kept_in(points: np.ndarray, kind: type, step_m: float) -> bool:
 
 
 def warn_if_rounded(points: np.ndarray, path: str | os.PathLike, what: str = "coordinates", came_as: np.dtype | None = None) -> None:
-    """`RoundedCheck` of one scan (N, D). came_as: their type in a file or an array, where that is known: of a few places in float64
-    nothing is asked, since round ones have few bits and digits, too."""
-    if came_as is not None and np.dtype(came_as).itemsize >= 8:
+    """`RoundedCheck` of one scan (N, D). came_as: their type in a file or an array, where that is known: of a few places in float64, or in
+    whole numbers, nothing is asked, since round ones have few bits and digits, too."""
+    if came_as is not None and (np.dtype(came_as).itemsize >= 8 or np.dtype(came_as).kind in "iu"):
         places = np.atleast_2d(points)
         if np.count_nonzero((places[1:] != places[:-1]).any(axis=1)) < FEW_PLACES:
             return
