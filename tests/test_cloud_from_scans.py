@@ -98,6 +98,13 @@ def test_scans_that_can_not_be_in_metres_are_told(room):
     assert "points: half of the beams are longer than" in told and "millimetres" in told
 
 
+def test_a_room_in_millimetres_is_refused_before_it_takes_hours():
+    points, origin = np.random.default_rng(0).uniform(-5000, 5000, (20_000, 3)), np.zeros(3)
+    with pytest.raises(InputError, match="points: half of the beams are longer than .* millimetres, .* free space at [45]e.08 places"):
+        cloud_from_scans(points, origin)
+    assert len(cloud_from_scans(points, origin, max_range_m=1000.0)) > 0  # whoever says how long beams are means it
+
+
 def test_a_stray_return_is_told_and_can_be_left_out(room):
     points, origins = room.scans.points[:500], room.scans.origins[:500]
     stray = np.concatenate([points, [[5000.0, 0.0]]]), np.concatenate([origins, origins[:1]])

@@ -24,6 +24,8 @@ OCCUPIED_SHARE = 0.15
 """A voxel is occupied from this share of returns on: many beams graze a wall's voxel, and a majority would erase it."""
 READINGS = ("voxels", "points")
 """How a site is asked: every voxel once, or every return and the free points of `points_cloud`, as in the paper."""
+MOST_DOUBTFUL = 1e8
+"""Places of free space along beams that can hardly be in metres: a minute's work. A site of 2e7 returns, in metres, has more."""
 NO_RETURN = "; leave out beams without a return"
 
 
@@ -111,8 +113,9 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
     several scans some may be empty. Beams without a return are left out.
     origins: (S, D), where the sensor stood in each scan; with one (N, D) array of points, (N, D) or one (D,) origin.
     resolution_m: 0.1 in 2D and 0.2 in 3D unless given. max_range_m: beams as long as this and longer are dropped; none unless given.
-    Raises `InputError` for what does not fit together. A `UserWarning` says where coordinates can't be in metres, where a beam is longer
-    than any laser's, and where half or single precision has moved far coordinates by a part of a cell.
+    Raises `InputError` for what does not fit together, and for so many beams that can hardly be in metres that their free space would take
+    hours. A `UserWarning` says where coordinates can't be in metres otherwise, where a beam is longer than any laser's, and where half or
+    single precision has moved far coordinates by a part of a cell.
     """
     first = origins[0] if isinstance(origins, (list, tuple)) and len(origins) else origins
     came_as = first.dtype if isinstance(getattr(first, "dtype", None), np.dtype) else np.dtype(np.float64)
@@ -147,14 +150,17 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
     lengths = beam_lengths(points, origins)
     units = UnitCheck()
     units.see(lengths)
-    units.warn("points")
     warn_of_long_beams(lengths, "points")
     if max_range_m is not None:
         kept = within_range(lengths, -1.0, check_positive(max_range_m, "max_range_m"))
         if not kept.any():
             shortest = f", the shortest with {lengths.min():.4g} m" if len(lengths) else ""
             raise InputError(f"max_range_m: expected beams shorter than {max_range_m} m, got none of {len(lengths)}{shortest}")
-        points, origins, scan = points[kept], origins[kept], scan[kept]
+        points, origins, scan, lengths = points[kept], origins[kept], scan[kept], lengths[kept]
+    places = float(lengths.sum()) / resolution_m
+    if places > MOST_DOUBTFUL and (doubt := units.doubt()):  # a room in millimetres would take hours, and all memory
+        raise InputError(f"points: {doubt}; they would be free space at {places:.1g} places. max_range_m drops long beams")
+    units.warn("points")
     return fit_cloud(Scans(points, origins, scan, np.arange(len(points), dtype=np.int32)), resolution_m)
 
 

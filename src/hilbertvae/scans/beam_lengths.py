@@ -78,15 +78,17 @@ class UnitCheck:
     def _middle(self) -> float:
         return float(np.median(self._medians)) if self._medians else 0.0
 
+    def doubt(self) -> str:
+        """What to say where the median beam, over the scans seen, is longer than any laser's; empty where it is not."""
+        if (middle := self._middle()) <= LONGEST_MEDIAN_M:
+            return ""
+        asked = "are the coordinates in millimetres, or is the sensor's origin in another frame? Metres are expected"
+        return f"half of the beams are longer than {middle:.0f} m; {asked}"
+
     def warn(self, path: str | os.PathLike) -> None:
         """One `UserWarning` where the median beam, over the scans seen, is longer than any laser's, or where so many are cut off."""
-        middle = self._middle()
-        if middle > LONGEST_MEDIAN_M:
-            warnings.warn(
-                f"{path}: half of the beams are longer than {middle:.0f} m; are the coordinates in millimetres, "
-                "or is the sensor's origin in another frame? Metres are expected",
-                stacklevel=4,
-            )
+        if doubt := self.doubt():
+            warnings.warn(f"{path}: {doubt}", stacklevel=4)
         elif self._cut > MANY_CUT * self._seen:
             far = f"{self._cut} of {self._seen} beams are {self._max_range_m:g} m or longer and are left out"
             warnings.warn(f"{path}: {far}; are they in millimetres, or is reading.max_range_m too short for them?", stacklevel=4)
