@@ -154,12 +154,12 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
     if max_range_m is not None:
         kept = within_range(lengths, -1.0, check_positive(max_range_m, "max_range_m"))
         if not kept.any():
-            shortest = f", the shortest with {lengths.min():.4g} m" if len(lengths) else ""
-            raise InputError(f"max_range_m: expected beams shorter than {max_range_m} m, got none of {len(lengths)}{shortest}")
+            found = f"none of {len(lengths)}" + (f", the shortest with {lengths.min():.4g} m" if len(lengths) else "")
+            raise InputError(f"max_range_m: expected beams shorter than {max_range_m} m, got {found}{units.hint(max_range_m)}")
         points, origins, scan, lengths = points[kept], origins[kept], scan[kept], lengths[kept]
     places = float(lengths.sum()) / resolution_m
     if places > MOST_DOUBTFUL and (doubt := units.doubt()):  # a room in millimetres would take hours, and all memory
-        raise InputError(f"points: {doubt}; they would be free space at {places:.1g} places. max_range_m drops long beams")
+        raise InputError(f"points: {doubt}. Free space along them would be {places:.1g} places; max_range_m drops long beams")
     units.warn("points")
     return fit_cloud(Scans(points, origins, scan, np.arange(len(points), dtype=np.int32)), resolution_m)
 

@@ -117,6 +117,12 @@ class MapCells:
         """The cells on a lattice `factor` times as coarse (`coarser`)."""
         return self.coarser(self.resolution_m * factor)
 
+    def fitting(self, most: int) -> tuple[MapCells, MapCells]:
+        """All cells, joined until the box has at most so many along each side, and those that were observed, joined by themselves: beside
+        these the likeliest cell may be a predicted one."""
+        factor = -(-max(self.box()[1]) // most)
+        return self.joined(factor), self.select(self.observed).joined(factor)
+
     def coarser(self, resolution_m: float) -> MapCells:
         """The cells on a lattice of `resolution_m`: of those whose centres fall into one, the likeliest to be occupied, so that thin walls
         stay, predicted ones too. Of two occupied ones, or two that are not, one that was observed wins over one that was predicted.

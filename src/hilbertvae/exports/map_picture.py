@@ -33,16 +33,15 @@ def write_picture(cells: MapCells, path: str | os.PathLike, title: str) -> Path:
 
 
 def _flat(cells: MapCells, title: str) -> Figure:
-    """Two sheets of p(occupied), unknown grey."""
-    factor = -(-max(cells.box()[1]) // MOST_PX)
-    # What was observed is joined by itself: beside it the likeliest cell may be a predicted one.
-    seen, cells = cells.select(cells.observed).joined(factor), cells.joined(factor)
+    """p(occupied), unknown grey: as observed, and filled in if anything was."""
+    any_filled = not cells.observed.all()
+    cells, seen = cells.fitting(MOST_PX)
     low, shape = cells.box()
     observed = np.full(shape, np.float32(0.5))
     observed[tuple((seen.index - low).T)] = seen.probability
-    sheets = {f"{title}, as observed": observed.T, "filled in": cells.dense(cells.probability, np.float32(0.5)).T}
-    if cells.observed.all():
-        del sheets["filled in"]
+    sheets = {f"{title}, as observed": observed.T}
+    if any_filled:
+        sheets["filled in"] = cells.dense(cells.probability, np.float32(0.5)).T
     left, bottom = low * cells.resolution_m
     extent = (left, left + shape[0] * cells.resolution_m, bottom, bottom + shape[1] * cells.resolution_m)
     wide = shape[0] >= 2 * shape[1]
@@ -67,9 +66,9 @@ def _solid(cells: MapCells, title: str) -> Figure:
     camera = whole_view(np.concatenate([occupied.centres - margin, occupied.centres + margin]))
     height_m = heights_above_ground(occupied)
     side = 9.0
-    drawn = {f"{title}, as observed": occupied.observed, "filled in, green": np.ones(len(occupied), bool)}
-    if cells.observed.all():
-        del drawn["filled in, green"]
+    drawn = {f"{title}, as observed": occupied.observed}
+    if not cells.observed.all():
+        drawn["filled in, green"] = np.ones(len(occupied), bool)
     figure = new_figure(side + 1.0, len(drawn) * (side * camera.pixels[1] / camera.pixels[0] + 0.3))
     panels = figure.subplots(len(drawn), 1, squeeze=False).ravel()
     for axes, (said, shown) in zip(panels, drawn.items(), strict=True):

@@ -59,9 +59,7 @@ def write_page(cells: MapCells, path: str | os.PathLike, title: str, tables: dic
 
 def _flat(cells: MapCells) -> dict:
     """Pictures of a 2D map, a pixel per cell; rows from the top. `filled` lies over `observed`."""
-    factor = -(-max(cells.box()[1]) // MOST_PIXELS)
-    # What was observed is joined by itself: beside it the likeliest cell may be a predicted one.
-    seen, cells = cells.select(cells.observed).joined(factor), cells.joined(factor)
+    cells, seen = cells.fitting(MOST_PIXELS)
     low, (columns, rows) = cells.box()
     filled = cells.select(~cells.observed)
 

@@ -61,9 +61,8 @@ def scan_files(folder: Path) -> list[Path]:
     """The scans in a folder, in the order of their names; an `InputError` unless they are of one format."""
     with reading(folder, "a folder of scans"):
         files = _with_points(folder)
-    kinds = _kinds(files)
-    if len(kinds) != 1:
-        found = _told(kinds) or "none" + _further_down(folder)
+    if len({path.suffix.lower() for path in files}) != 1:
+        found = _counted(files) or "none" + _further_down(folder)
         raise InputError(f"{folder}: expected scans of one format ({' '.join(READERS)}), found {found}")
     return names_in_order(files)
 
@@ -73,22 +72,18 @@ def _with_points(folder: Path) -> list[Path]:
     return [path for path in files if path.is_file() and not path.name.startswith(".")]
 
 
-def _kinds(files: Sequence[Path]) -> Counter:
-    return Counter(path.suffix.lower() for path in files)
-
-
-def _told(kinds: Counter) -> str:
+def _counted(files: Sequence[Path]) -> str:
+    kinds = Counter(path.suffix.lower() for path in files)
     return ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
 
 
 def _further_down(folder: Path) -> str:
     """Where the most scans lie up to two folders further down, as in KITTI's raw data; nothing where there are none."""
-    found: dict[Path, list[Path]] = {}
-    with contextlib.suppress(OSError):
-        for below in islice(chain(folder.glob("*/"), folder.glob("*/*/")), MOST_FOLDERS):
-            found[below] = _with_points(below)
-    most = max(found, key=lambda below: len(found[below]), default=folder)
-    return f"; in {most.relative_to(folder)} there are {_told(_kinds(found[most]))}" if found.get(most) else ""
+    below = islice(chain(folder.glob("*/"), folder.glob("*/*/")), MOST_FOLDERS)
+    with contextlib.suppress(OSError):  # a folder that nobody may look into
+        if most := max(map(_with_points, below), key=len, default=[]):
+            return f"; in {most[0].parent.relative_to(folder)} there are {_counted(most)}"
+    return ""
 
 
 def read_posed_scans(
