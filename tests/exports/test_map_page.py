@@ -199,6 +199,21 @@ def test_what_a_reader_can_do_on_it(dimension, tmp_path):
 
 
 @pytest.mark.skipif(browser() is None, reason="no Chromium here")
+@pytest.mark.parametrize("long", [0, 1, None])
+def test_a_solid_map_is_seen_whole_and_as_large_as_it_can_be(long, tmp_path):
+    """A street that lies along x or y, or a field as wide as long: nothing of it beside the view, and the view no wider than it."""
+    index = np.stack(np.meshgrid(*[np.arange(300 if long in (axis, None) else 30) for axis in range(2)], [0], indexing="ij"), axis=-1)
+    dark, index = np.ones(index[..., 0].size, np.float32), index.reshape(-1, 3)
+    page = write_page(MapCells(index, 0.1, dark, 0 * dark, dark > 0), tmp_path / "map.html", "a map", TABLES)
+    _, image = shown_by_browser(page, tmp_path, "document.getElementById('split').remove(); document.getElementById('line').remove();")
+    ground = np.ptp(image, axis=2) > 8
+    ground[:40] = ground[-40:] = False  # what the page writes into its corners
+    columns, rows = np.flatnonzero(ground.any(axis=0)), np.flatnonzero(ground.any(axis=1))
+    assert 20 + 5 < columns[0] < 70 and 900 - 70 < columns[-1] < 900 - 20 - 5
+    assert rows[-1] < 540
+
+
+@pytest.mark.skipif(browser() is None, reason="no Chromium here")
 def test_the_place_under_the_pointer_is_told(tmp_path):
     page = write_page(some_cells(2), tmp_path / "map.html", "a map", TABLES)
     low, high = np.array([50_000, -70_000]) - 12, np.array([50_000, -70_000]) + 12  # of 400 cells some lie along each side
