@@ -20,6 +20,10 @@ from hilbertvae.scans.point_text import read_point_text
         ("1,2,3\r\n4,5,6\r\n", [[1, 2, 3], [4, 5, 6]]),
         ("1e2;-2.5;nan\n", [[100, -2.5, np.nan]]),
         ('name,Z,"Y",x\nfirst,3,2,1\nsecond,6,5,4\n', [[1, 2, 3], [4, 5, 6]]),
+        ('"intensity","Points_m_XYZ:0","Points_m_XYZ:1","Points_m_XYZ:2"\n9,1,2,3\n', [[1, 2, 3]]),  # VeloView
+        ('"Points:1","Points:2","Points:0","Normals:0"\n2,3,1,9\n', [[1, 2, 3]]),  # ParaView
+        ("t;X [m];Y [m];Z [m]\n9;1;2;3\n", [[1, 2, 3]]),
+        ("# z_m y_m x_m\n3 2 1\n", [[1, 2, 3]]),
         ("x y r\n1 2 9\n", [[1, 2]]),
         ("# t x y z\n9 1 2 3\n", [[1, 2, 3]]),
         ("# a log\n#T X Y Z\n\n9 1 2 3\n# x y t z\n9 4 5 6\n", [[1, 2, 3], [4, 5, 6]]),

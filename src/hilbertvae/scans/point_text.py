@@ -20,6 +20,7 @@ BLOCK = 2**20
 COMMENTS = ("#", "//")
 MARGIN = b" \r\n"
 """What is around a row. Tabs may be its delimiters, and then stand beside an empty column."""
+METRES, COMPONENT = re.compile(r"_m$|\s*(\(m\)|\[m\])$"), re.compile(r"points(?:_m_xyz)?[:_]([012])")
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -36,9 +37,10 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
     """The points of a table, metres. Two columns are 2D; of three and more the first three are x, y, z.
 
     A first line that is not numbers names the columns, as many as rows have: x, y and, in 3D, z are then found by name, whatever stands
-    beside them. Names may have spaces in them where tabs, commas or semicolons stand between. So does
-    the last comment ahead of the numbers, if it has a word for each column and x and y among them, as numpy and CloudCompare write it.
-    Other lines that start with # or // are passed over, and so is a first line with the count of points, of which there may not be fewer.
+    beside them; `x_m`, `x [m]` and ParaView's `Points:0` are x, too. Names may have spaces in them where tabs, commas or semicolons stand
+    between. So does the last comment ahead of the numbers, if it has a word for each column and x and y among them, as numpy and
+    CloudCompare write it. Other lines that start with # or // are passed over, and so is a first line with the count of points, of which
+    there may not be fewer.
     Rows may end in a delimiter. `nan` is a beam without a return, as is a row of delimiters alone, and one of named
     columns whose coordinates are empty. Raises `InputError` for anything else.
     """
@@ -184,8 +186,15 @@ def _is_number(field: str) -> bool:
     return True
 
 
+def _plain_name(field: str) -> str:
+    """x, y or z for a column of metres that says so, or is called as ParaView and VeloView call it; any other's name in small letters."""
+    name = METRES.sub("", field.lower())
+    component = COMPONENT.fullmatch(name)
+    return "xyz"[int(component[1])] if component else name
+
+
 def _named_columns(path: Path, fields: list[str]) -> list[int]:
-    names = [field.lower() for field in fields]
+    names = list(map(_plain_name, fields))
     if not {"x", "y"} <= set(names):
         raise InputError(f"{path}: expected numbers, or a first line that names columns x, y (and z), got {' '.join(fields)[:60]!r}")
     return _coordinates(names)
@@ -196,7 +205,7 @@ def _commented_columns(comment: bytes, delimiter: str | None, count: int) -> lis
     text = re.sub(rb"^(#|//)+\s*", b"", comment)
     # numpy.savetxt writes its header as it is given, which may be apart by spaces above numbers apart by commas.
     for fields in (_fields(text, delimiter), _fields(text, "\t"), re.split(r"[\s,;]+", text.decode("latin1"))):
-        names = [field.lower() for field in fields]
+        names = list(map(_plain_name, fields))
         if len(names) == count and {"x", "y"} <= set(names):
             return _coordinates(names)
     return None
