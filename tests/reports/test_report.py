@@ -68,6 +68,18 @@ def test_a_mapper_that_failed_is_listed_and_leaves_the_rest_of_the_report(tmp_pa
     assert "Failed: cvae-hm on room" in capsys.readouterr().out
 
 
+def test_scores_stay_where_pictures_cannot_be_drawn(tmp_path, monkeypatch, capsys):
+    site, protocol, mappers = room(), Protocol(gap_seeds=[0], cluster_size_m=2.0, occlusion=False), {"nearest": NearestMapper()}
+    monkeypatch.setattr("hilbertvae.reports.report.reliability_picture", None)
+    report = Report(tmp_path, {"name": "run"}, identity={"name": "run"})
+    report(evaluate_all(mappers, site, protocol), site, mappers)
+    assert report.close() == 1
+    said = capsys.readouterr()
+    assert "Failed: pictures of room: TypeError: " in said.out and "Traceback" in said.err
+    assert json.loads((tmp_path / "result.json").read_text())["status"] == "ok" and list((tmp_path / "tensorboard").glob("events*"))
+    assert is_finished(tmp_path, ["room"], {"name": "run"}) and not is_finished(tmp_path, ["room"], {"name": "run"}, pictures=True)
+
+
 class Skipping(nn.Module):
     """A network of somebody's own, whose `decode` takes what its skips keep, too."""
 

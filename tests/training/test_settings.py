@@ -123,6 +123,13 @@ def test_test_sites_of_one_name_would_overwrite_each_other():
         replace(good(), data=data).check()
 
 
+def test_test_sites_have_no_names_that_a_run_has_folders_of():
+    data = DataSettings(train=["fr079"], validate="csail", test=["drives/pictures", "drives/monday"])
+    replace(good(), data=data).check()  # the first one's result lies in the run's folder itself
+    with pytest.raises(InputError, match="data.test: expected another name than pictures for"):
+        replace(good(), data=replace(data, test=data.test[::-1])).check()
+
+
 def test_the_voxel_follows_the_dimension():
     assert (Settings(dimension=2).resolution_m, Settings(dimension=3).resolution_m) == (0.1, 0.2)
     assert Settings(dimension=3, resolution_m=0.1).resolution_m == 0.1

@@ -85,7 +85,7 @@ def _application(config: DictConfig) -> None:
             sys.exit(1)
         raise
     if code:
-        raise RuntimeError("a mapper failed; see the lines above and result.json")
+        raise RuntimeError("a mapper, or its pictures, failed; see the lines above and result.json")
 
 
 def main() -> None:

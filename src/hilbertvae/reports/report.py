@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+import traceback
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
@@ -105,7 +106,7 @@ class Report:
         with atomic(folder / "scores.md") as temporary:
             temporary.write_text(scores_text(result), encoding="utf-8")
         print_scores(result, Console())
-        figures, surface = self._figures(result, site, mappers) if self.pictures and result.scores else ({}, None)
+        figures, surface = self._drawn(result, site, mappers) if self.pictures and result.scores else ({}, None)
         shown = site_tag(site.name)
         images = {f"{shown}/{tag}": save_picture(figure, folder / PICTURES / f"{tag}.png") for tag, figure in figures.items()}
         first = len(self.written) == 1
@@ -125,6 +126,15 @@ class Report:
         cards = {name: getattr(getattr(mapper, "reconstructor", None), "card", {}) for name, mapper in mappers.items()}
         anew = {name: card[LEARNED_AS]["calibration_seeds"] for name, card in cards.items() if card.get(ANEW)}
         return {**(self.seeds or {}), "calibration_anew": anew} if anew else self.seeds
+
+    def _drawn(self, result: Result, site: Site, mappers: Mapping[str, Mapper]) -> tuple[dict[str, Figure], Surface | None]:
+        """`_figures`, or none where they can't be drawn: scores of hours, which are written by now, don't go with them."""
+        try:
+            return self._figures(result, site, mappers)
+        except Exception as error:
+            traceback.print_exc()
+            self.failed[f"pictures of {site.name}"] = f"{type(error).__name__}: {error}"
+            return {}, None
 
     def _figures(self, result: Result, site: Site, mappers: Mapping[str, Mapper]) -> tuple[dict[str, Figure], Surface | None]:
         """Pictures by name, and in 3D the surface of our map, or of a rival's where ours is not there."""
@@ -169,7 +179,7 @@ class Report:
         return figures, surface
 
     def close(self) -> int:
-        """Say where everything is; the exit code, 1 if a mapper failed."""
+        """Say where everything is; the exit code, 1 if a mapper failed, or its pictures."""
         for name, why in self.failed.items():
             print(f"Failed: {name}: {why}")
         print(f"Results: {', '.join(map(str, self.written)) or 'none'}")

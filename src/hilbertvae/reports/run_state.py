@@ -27,6 +27,8 @@ TENSORBOARD, PICTURES, SURFACE = "tensorboard", "pictures", "surface.ply"
 UNFINISHED = "unfinished"
 """The folder, in a run's own, of scores that are kept until it has written everything."""
 
+OWN_FOLDERS = {CHECKPOINTS, TENSORBOARD, PICTURES, UNFINISHED}
+"""Names in a run's folder that no site's result can have."""
 
 REFUSED = "refused.txt"
 """Why the last job in a folder was refused, beside the results of one before it, which stay."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from hilbertvae.checks import InputError
 from hilbertvae.files import files_at, path_sha256
 from hilbertvae.reconstruction.training_card import stages
+from hilbertvae.reports.run_state import OWN_FOLDERS
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.site import SIMULATED, site_name
@@ -44,6 +45,8 @@ def check_roles(train: list[str], validate: str, test: list[str], calibrate: Seq
     names = [site_name(site) for site in test]
     if len(set(names)) < len(names):
         raise InputError(f"data.test: expected sites of different names, since results are kept under them, got {', '.join(names)}")
+    if taken := OWN_FOLDERS.intersection(names[1:]):
+        raise InputError(f"data.test: expected another name than {', '.join(taken)} for its results, since a run has a folder of that name")
 
 
 def many_simulated(dimension: int, count: int, first: int) -> str:
