@@ -207,6 +207,8 @@ def test_missing_and_foreign_files(tmp_path):
     (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="bytes.yaml"):
         read_ros_map(tmp_path / "bytes.yaml")
+    with pytest.raises(InputError, match="can't be read as a map_server YAML file"):
+        read_ros_map(".")
 
 
 @settings(max_examples=150)

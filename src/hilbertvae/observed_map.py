@@ -127,7 +127,7 @@ def ros_map_header(path: str | os.PathLike) -> RosHeader:
     """The YAML file of a map_server map, or that beside its image, with a `UserWarning` if it was filled before; raises `InputError` as
     `read_ros_map` does."""
     path = Path(path)
-    if path.suffix.lower() not in (".yaml", ".yml"):
+    if path.name and path.suffix.lower() not in (".yaml", ".yml"):
         beside = path.with_suffix(".yaml"), path.with_suffix(".yml")
         path = next((file for file in beside if file.exists()), beside[0])
     with reading(path, "a map_server YAML file"):

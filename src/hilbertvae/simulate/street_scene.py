@@ -98,8 +98,9 @@ class Scene:
             self.movers.append(mover)
 
     def clear_ways(self, lane_s: np.ndarray) -> None:
-        """Nobody goes through anything in the scans that the sensor's car makes at `lane_s (S,)` of the plan: who walks turns back before
-        what stands, and who would still come into something, or into somebody, is left out."""
+        """Nobody walks through anything in the scans that the sensor's car makes at `lane_s (S,)` of the plan: who walks turns back before
+        what stands, and who would still come into something, or into somebody, is left out. Vehicles keep to their lanes, where nothing
+        stands, and go first."""
         standing = shapely.STRtree([shrunk(thing.footprint()) for thing in self.things if thing.kind != "grass"])
         (length, breadth), lane_t = OWN_CAR_M, self.plan.lane_t
         ways = [shapely.box(lane_s - length / 2, lane_t - breadth / 2, lane_s + length / 2, lane_t + breadth / 2)]
