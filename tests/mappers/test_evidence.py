@@ -58,7 +58,14 @@ class Twin:
             free,
             hit[0] ** 2,
             free**2,
+            *(max(-most, min(most, self.above_share(hits, frees))) for most in (2.0, 0.5)),
+            float(hits == 0),
         ]
+
+    def above_share(self, hits, frees):
+        """Standard deviations of how many of all votes, and one more, would be returns if 15 % were."""
+        count = hits + frees + 1
+        return (hits + 0.15 - 0.15 * count) / math.sqrt(count * 0.15 * 0.85)
 
 
 @settings(max_examples=20)

@@ -8,6 +8,7 @@ from sklearn.linear_model import LogisticRegression
 
 import hilbertvae.mappers.weights as weights_module
 from hilbertvae.checks import InputError
+from hilbertvae.mappers.vote_share import SHARES
 from hilbertvae.mappers.weights import (
     NAMES,
     OCCUPIED_WEIGHT,
@@ -244,6 +245,17 @@ def test_what_an_occupied_point_counted_for_goes_with_the_weights():
     assert RankWeights.from_plain(plain | {"occupied_weight": 1.0}).plain()["occupied_weight"] == 1.0
     del plain["occupied_weight"]  # as those that were learned before it was kept
     assert RankWeights.from_plain(plain).occupied_weight == OCCUPIED_WEIGHT
+
+
+def test_weights_of_before_vote_shares_answer_as_they_did():
+    rng = np.random.default_rng(0)
+    before = RankWeights(rng.normal(size=4), rng.normal(size=7), rng.normal(size=4))
+    values, held, seen = rng.normal(size=(50, 3)), np.full(50, 3), rng.random(50) < 0.5
+    evidence = rng.normal(size=(seen.sum(), 5 + SHARES))
+    found = before.knowing(5 + SHARES)
+    expected = before.logit(values, held, seen, evidence[:, :5])
+    np.testing.assert_allclose(found.logit(values, held, seen, evidence), expected, rtol=1e-12)
+    assert before.knowing(5) is before and found.knowing(5 + SHARES) is found
 
 
 @pytest.mark.parametrize("alike", [0.0, 0.05])

@@ -11,6 +11,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.cores import workers
 from hilbertvae.mappers.growing_array import GrowingArray
+from hilbertvae.mappers.vote_share import SHARES, share_features
 from hilbertvae.mappers.voxel_bricks import NONE, VoxelBricks
 from hilbertvae.sums import sums_by
 from hilbertvae.voxel_votes import MARGIN, voxel_index
@@ -99,7 +100,7 @@ class Evidence:
     @property
     def feature_count(self) -> int:
         """How many features a query in a seen voxel has."""
-        return self._features.rows.shape[1] + 2 * NEAREST_HITS + 3
+        return self._features.rows.shape[1] + 2 * NEAREST_HITS + 3 + SHARES
 
     def add(self, points: np.ndarray, occupied: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Add a cloud at the cost of what it touches: counts add up, and mean positions go by count.
@@ -185,7 +186,7 @@ class Evidence:
         """(Q, F) what the Hilbert Map is told of `queries (Q, D)` in the seen voxels `voxel (Q,)`.
 
         The voxel's own features, then distances in voxels, cut off: to the three nearest mean returns of the block, also cut off at one
-        voxel, to the nearest mean free point, and the square of the nearest of each.
+        voxel, to the nearest mean free point, and the square of the nearest of each; last the voxel's `share_features`.
         """
         local = queries / self.resolution_m
         local = (local - np.floor(local)).astype(np.float32)
@@ -202,7 +203,8 @@ class Evidence:
         hit.sort(axis=1)
         hit = np.minimum(np.sqrt(hit[:, :NEAREST_HITS]), FAR_VOXELS)
         free = np.minimum(np.sqrt(free.min(axis=1, keepdims=True)), FAR_VOXELS)
-        return np.hstack([self._features.rows[voxel], hit, np.minimum(hit, 1.0), free, hit[:, :1] ** 2, free**2])
+        shares = share_features(self.hits[voxel], self.frees[voxel])
+        return np.hstack([self._features.rows[voxel], hit, np.minimum(hit, 1.0), free, hit[:, :1] ** 2, free**2, shares])
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """(low (D,), high (D,)) metres, of the bricks that hold all that was seen."""

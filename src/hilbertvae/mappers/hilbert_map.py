@@ -133,7 +133,7 @@ class HilbertMap(GrowingMapper):
         learned = self.reconstructor.map_weights if self.reconstructor else {}
         if self.weights == "unit" or self.calibration not in learned:  # never learned, or raw grids
             return unit_weights(self.neighbours, self.evidence_.feature_count)
-        weights = RankWeights.from_plain(learned[self.calibration])
+        weights = RankWeights.from_plain(learned[self.calibration]).knowing(self.evidence_.feature_count)
         if len(weights.unseen) != self.neighbours + 1:
             raise InputError(f"neighbours: the weights were learned for {len(weights.unseen) - 1}, got {self.neighbours}")
         if len(weights.seen) != self.evidence_.feature_count + 2:

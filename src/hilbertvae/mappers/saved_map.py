@@ -191,7 +191,7 @@ def _put_clusters(mapper: HilbertMap, arrays: dict[str, np.ndarray]) -> None:
 
 
 def _rank_weights(plain: dict, mapper: HilbertMap) -> RankWeights:
-    weights = RankWeights.from_plain(plain)
+    weights = RankWeights.from_plain(plain).knowing(mapper.evidence_.feature_count)
     # Unit weights have the shapes of any.
     wanted = unit_weights(mapper.neighbours, mapper.evidence_.feature_count)
     for name in NAMES:

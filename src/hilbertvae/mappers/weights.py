@@ -6,13 +6,14 @@ sum log(1 + exp(-y w . Phi)) + R(w).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import READINGS
 from hilbertvae.mappers.newton_logistic import LIGHT_RIDGE, logistic_weights
+from hilbertvae.mappers.vote_share import SHARES
 
 OCCUPIED_WEIGHT = 2.0
 """How many points one that is occupied counts for, in weights learned on points. Those are scored at the cuts (METHOD 7), and F1 is
@@ -62,6 +63,12 @@ class RankWeights:
     def neighbours(self) -> int:
         """K."""
         return len(self.unseen) - 1
+
+    def knowing(self, features: int) -> RankWeights:
+        """For evidence of so many features: those that were learned before it had the last `SHARES` don't hear these."""
+        if len(self.seen) + SHARES != features + 2:
+            return self
+        return replace(self, seen=np.insert(self.seen, len(self.seen) - 2, np.zeros(SHARES)))
 
     def grids_alone(self) -> RankWeights:
         """The weights of a map without evidence: the paper's plain sum."""
