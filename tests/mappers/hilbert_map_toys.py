@@ -6,7 +6,7 @@ from hilbertvae.gaps import random_gaps
 from hilbertvae.mappers.weights import RankWeights
 from toy_rooms import tiny_reconstructor
 
-FEATURES = 13
+FEATURES = 16
 """What evidence says of a query in an observed voxel."""
 
 

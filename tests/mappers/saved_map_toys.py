@@ -5,7 +5,7 @@ import numpy as np
 from hilbertvae.mappers.weights import RankWeights
 from toy_rooms import tiny_reconstructor
 
-FEATURES = 13
+FEATURES = 16
 
 
 def network(dimension=2):
