@@ -72,7 +72,7 @@ def test_scores_stay_where_pictures_cannot_be_drawn(tmp_path, monkeypatch, capsy
     site, protocol, mappers = room(), Protocol(gap_seeds=[0], cluster_size_m=2.0, occlusion=False), {"nearest": NearestMapper()}
     monkeypatch.setattr("hilbertvae.reports.report.reliability_picture", None)
     report = Report(tmp_path, {"name": "run"}, identity={"name": "run"})
-    report(evaluate_all(mappers, site, protocol), site, mappers)
+    assert report(evaluate_all(mappers, site, protocol), site, mappers) is False
     assert report.close() == 1
     said = capsys.readouterr()
     assert "Failed: pictures of room: TypeError: " in said.out and "Traceback" in said.err

@@ -24,6 +24,7 @@ from hilbertvae.scans.point_text import read_point_text
         ('"Points:1","Points:2","Points:0","Normals:0"\n2,3,1,9\n', [[1, 2, 3]]),  # ParaView
         ("t;X [m];Y [m];Z [m]\n9;1;2;3\n", [[1, 2, 3]]),
         ("# z_m y_m x_m\n3 2 1\n", [[1, 2, 3]]),
+        ("points_0 x_m x y z_m\n8 9 1 2 3\n", [[1, 2, 3]]),  # what is called just x is x
         ("x y r\n1 2 9\n", [[1, 2]]),
         ("# t x y z\n9 1 2 3\n", [[1, 2, 3]]),
         ("# a log\n#T X Y Z\n\n9 1 2 3\n# x y t z\n9 4 5 6\n", [[1, 2, 3], [4, 5, 6]]),

@@ -213,6 +213,13 @@ def test_scores_that_can_not_be_kept_are_scores_all_the_same(settings):
     assert not written[0].failed and len(written[0].scores["late"]["points"]["gaps"]["auc"]) == 3
 
 
+@pytest.mark.parametrize("answer", [None, True, False])
+def test_scores_are_kept_where_a_writer_could_not_write_all(settings, answer):
+    """Pictures that can't be drawn don't ask for hours of scoring again."""
+    score(settings, mappers(), None, lambda *_: answer)
+    assert (Path(settings.output) / UNFINISHED).exists() == (answer is False)
+
+
 def test_scores_of_code_that_no_file_holds_are_not_kept(settings, room):
     """Typed in, as in a notebook, it may be another the next time."""
     typed = type("Typed", (NearestMapper,), {"__module__": "__main__"})()

@@ -91,7 +91,8 @@ class Report:
         self.failed: dict[str, str] = {}
         self.written: list[Path] = []
 
-    def __call__(self, result: Result, site: Site, mappers: dict[str, Mapper]) -> None:
+    def __call__(self, result: Result, site: Site, mappers: dict[str, Mapper]) -> bool:
+        """Whether all was written: not where pictures can't be drawn."""
         folder = site_folder(self.folder, site.name, first=not self.written)
         ours = next((m for m in mappers.values() if isinstance(getattr(m, "reconstructor", None), Reconstructor)), None)
         trained = ours.reconstructor.seconds if ours else {}  # also those of a network trained by an earlier run
@@ -106,7 +107,8 @@ class Report:
         with atomic(folder / "scores.md") as temporary:
             temporary.write_text(scores_text(result), encoding="utf-8")
         print_scores(result, Console())
-        figures, surface = self._drawn(result, site, mappers) if self.pictures and result.scores else ({}, None)
+        drawn = self._drawn(result, site, mappers) if self.pictures and result.scores else ({}, None)
+        figures, surface = drawn or ({}, None)
         shown = site_tag(site.name)
         images = {f"{shown}/{tag}": save_picture(figure, folder / PICTURES / f"{tag}.png") for tag, figure in figures.items()}
         first = len(self.written) == 1
@@ -120,6 +122,7 @@ class Report:
         self.failed.update({f"{name} on {site.name}": why for name, why in result.failed.items()})
         if figures:
             print(f"Pictures: {folder / PICTURES}")
+        return drawn is not None
 
     def _seeds(self, mappers: Mapping[str, Mapper]) -> dict | None:
         """Also those of map's weights that the run learned anew, by mapper."""
@@ -127,14 +130,14 @@ class Report:
         anew = {name: card[LEARNED_AS]["calibration_seeds"] for name, card in cards.items() if card.get(ANEW)}
         return {**(self.seeds or {}), "calibration_anew": anew} if anew else self.seeds
 
-    def _drawn(self, result: Result, site: Site, mappers: Mapping[str, Mapper]) -> tuple[dict[str, Figure], Surface | None]:
-        """`_figures`, or none where they can't be drawn: scores of hours, which are written by now, don't go with them."""
+    def _drawn(self, result: Result, site: Site, mappers: Mapping[str, Mapper]) -> tuple[dict[str, Figure], Surface | None] | None:
+        """`_figures`, or None where they can't be drawn: scores of hours, which are written by now, don't go with them."""
         try:
             return self._figures(result, site, mappers)
         except Exception as error:
             traceback.print_exc()
             self.failed[f"pictures of {site.name}"] = f"{type(error).__name__}: {error}"
-            return {}, None
+            return None
 
     def _figures(self, result: Result, site: Site, mappers: Mapping[str, Mapper]) -> tuple[dict[str, Figure], Surface | None]:
         """Pictures by name, and in 3D the surface of our map, or of a rival's where ours is not there."""

@@ -20,7 +20,10 @@ BLOCK = 2**20
 COMMENTS = ("#", "//")
 MARGIN = b" \r\n"
 """What is around a row. Tabs may be its delimiters, and then stand beside an empty column."""
-METRES, COMPONENT = re.compile(r"_m$|\s*(\(m\)|\[m\])$"), re.compile(r"points(?:_m_xyz)?[:_]([012])")
+METRES = re.compile(r"_m$|\s*(\(m\)|\[m\])$")
+"""How the name of a column says that it is in metres."""
+COMPONENT = re.compile(r"points(?:_m_xyz)?[:_]([012])")
+"""What ParaView and VeloView call coordinates."""
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
@@ -186,15 +189,19 @@ def _is_number(field: str) -> bool:
     return True
 
 
-def _plain_name(field: str) -> str:
-    """x, y or z for a column of metres that says so, or is called as ParaView and VeloView call it; any other's name in small letters."""
-    name = METRES.sub("", field.lower())
-    component = COMPONENT.fullmatch(name)
-    return "xyz"[int(component[1])] if component else name
+def _plain_names(fields: Iterable[str]) -> list[str]:
+    """Names of columns in small letters: x, y or z for those that say metres, too, and for a `COMPONENT`, unless another is just that."""
+    names, plain = [field.lower() for field in fields], []
+    for name in names:
+        bare = METRES.sub("", name)
+        component = COMPONENT.fullmatch(bare)
+        bare = "xyz"[int(component[1])] if component else bare
+        plain.append(name if bare in names else bare)
+    return plain
 
 
 def _named_columns(path: Path, fields: list[str]) -> list[int]:
-    names = list(map(_plain_name, fields))
+    names = _plain_names(fields)
     if not {"x", "y"} <= set(names):
         raise InputError(f"{path}: expected numbers, or a first line that names columns x, y (and z), got {' '.join(fields)[:60]!r}")
     return _coordinates(names)
@@ -205,7 +212,7 @@ def _commented_columns(comment: bytes, delimiter: str | None, count: int) -> lis
     text = re.sub(rb"^(#|//)+\s*", b"", comment)
     # numpy.savetxt writes its header as it is given, which may be apart by spaces above numbers apart by commas.
     for fields in (_fields(text, delimiter), _fields(text, "\t"), re.split(r"[\s,;]+", text.decode("latin1"))):
-        names = list(map(_plain_name, fields))
+        names = _plain_names(fields)
         if len(names) == count and {"x", "y"} <= set(names):
             return _coordinates(names)
     return None

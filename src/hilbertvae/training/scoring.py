@@ -27,7 +27,8 @@ from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import check_unseen
 
-Writer = Callable[[Result, Site, dict[str, Mapper]], None]
+Writer = Callable[[Result, Site, dict[str, Mapper]], bool | None]
+"""False where a part of what it writes is missing, so that the scores are kept for another try."""
 
 
 def use_threads(settings: Settings) -> None:
@@ -59,10 +60,9 @@ def score(settings: Settings, mappers: dict[str, Mapper], reconstructor: Reconst
             result = _side_by_side(settings, given, reference)
         else:
             result = evaluate_all(given, site, settings.evaluation, print, KeptScores(settings, reference))
-        if write:
-            write(result, site, given)
-        whole = whole and not result.failed
-    if whole:  # else the mappers that did not fail need not be scored again
+        written = write(result, site, given) if write else None
+        whole = whole and not result.failed and written is not False
+    if whole:  # else what did not fail need not be scored again
         forget_scores(settings.output)
 
 
