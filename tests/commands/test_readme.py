@@ -140,8 +140,8 @@ def score_lines() -> list[str]:
         *parts, result = (read_result(ROOT / f"docs/results/shipped/{folder}/result.json")[0] for folder in (*ours, theirs))
         for mine in parts:
             assert {"rim": True, **mine.protocol} == {"rim": True, **result.protocol}  # which older results do not name
-            for gaps, same in zip(mine.gaps, result.gaps, strict=True):  # on another processor, to rounding
-                np.testing.assert_allclose(gaps["centres"], same["centres"], rtol=0, atol=1e-9)
+            for gaps, same in zip(mine.gaps, result.gaps, strict=True):  # to what a mean is moved off a voxel's side since
+                np.testing.assert_allclose(gaps["centres"], same["centres"], rtol=0, atol=1e-6)
             result.scores.update(mine.scores)
 
         def cell(mapper, reading, region, metric, result=result):
