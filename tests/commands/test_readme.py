@@ -12,6 +12,7 @@ from hydra import compose, initialize_config_dir
 from narrow_networks import narrowed, shared_grids
 from warm_start import train
 
+from hilbertvae.cloud import RESOLUTION_M
 from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.map import main as map_scans
 from hilbertvae.commands.query import main as query
@@ -28,6 +29,7 @@ from hilbertvae.reports.paper_table import PAPER
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.scoring.cases import OCCLUSION_BANDS_M, OCCLUSION_RANGE_M
 from hilbertvae.scoring.metrics import CALIBRATION_BINS, SMALLEST_PROBABILITY
+from hilbertvae.voxel_votes import MARGIN
 from toy_rooms import carmen_line, square_room, write_log
 
 ROOT = Path(__file__).parents[2]
@@ -140,8 +142,10 @@ def score_lines() -> list[str]:
         *parts, result = (read_result(ROOT / f"docs/results/shipped/{folder}/result.json")[0] for folder in (*ours, theirs))
         for mine in parts:
             assert {"rim": True, **mine.protocol} == {"rim": True, **result.protocol}  # which older results do not name
-            for gaps, same in zip(mine.gaps, result.gaps, strict=True):  # to what a mean is moved off a voxel's side since
-                np.testing.assert_allclose(gaps["centres"], same["centres"], rtol=0, atol=1e-6)
+            for gaps, same in zip(mine.gaps, result.gaps, strict=True):  # on another processor, to rounding
+                moved = np.abs(np.subtract(gaps["centres"], same["centres"]))
+                assert (moved > 1e-9).sum() <= 1  # a place nearer than this to a voxel's side has been moved off it since e462825
+                assert moved.max() < MARGIN * RESOLUTION_M[mine.dimension] + 1e-9
             result.scores.update(mine.scores)
 
         def cell(mapper, reading, region, metric, result=result):
