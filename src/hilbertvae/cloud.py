@@ -67,9 +67,7 @@ def placed_as(cloud: Cloud, other: Cloud, resolution_m: float) -> Cloud:
     """
     if not len(cloud) or not len(other):
         return cloud
-    index = voxel_index(np.concatenate([other.points, cloud.points]), resolution_m)
-    index -= index.min(axis=0)
-    _, voxel = np.unique(np.ravel_multi_index(tuple(index.T), tuple(index.max(axis=0) + 1)), return_inverse=True)
+    _, voxel = _voxels(np.concatenate([other.points, cloud.points]), resolution_m)
     theirs, mine = voxel[: len(other)], voxel[len(other) :]
     place = np.full((2, len(voxel)), -1)  # by label and voxel
     place[other.occupied.astype(int), theirs] = np.arange(len(other))
@@ -79,6 +77,24 @@ def placed_as(cloud: Cloud, other: Cloud, resolution_m: float) -> Cloud:
     return Cloud(points, cloud.occupied, cloud.weight)
 
 
+def _voxels(points: np.ndarray, resolution_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """(V, D) int64 the voxels that the points lie in, and (N,) which of them each lies in."""
+    index = voxel_index(points, resolution_m)
+    first = index.min(axis=0)
+    shape = tuple(index.max(axis=0) - first + 1)
+    keys, voxel = np.unique(np.ravel_multi_index(tuple((index - first).T), shape), return_inverse=True)
+    return np.stack(np.unravel_index(keys, shape), axis=1) + first, voxel
+
+
+def labelled_voxels(cloud: Cloud, resolution_m: float) -> Cloud:
+    """`voxel_cloud` of a `fit_cloud`: what a map of it would say."""
+    if not len(cloud):
+        return cloud
+    index, voxel = _voxels(cloud.points, resolution_m)
+    hits, frees = (np.bincount(voxel, np.where(cloud.occupied == label, cloud.weight, 0.0), len(index)) for label in (True, False))
+    return _voted(index, hits, frees, resolution_m)
+
+
 def voxel_cloud(scans: Scans, resolution_m: float) -> Cloud:
     """One point per voxel seen, at its centre, occupied if returns have at least 15 % of the votes; weight 1."""
     return voted_cloud(voxel_votes(scans, resolution_m))
@@ -86,8 +102,12 @@ def voxel_cloud(scans: Scans, resolution_m: float) -> Cloud:
 
 def voted_cloud(votes: VoxelVotes) -> Cloud:
     """`voxel_cloud` of beams that were sampled before."""
-    share = votes.hits / (votes.hits + votes.frees)
-    return Cloud((votes.index + 0.5) * votes.resolution_m, share >= OCCUPIED_SHARE, np.ones(len(share)))
+    return _voted(votes.index, votes.hits, votes.frees, votes.resolution_m)
+
+
+def _voted(index: np.ndarray, hits: np.ndarray, frees: np.ndarray, resolution_m: float) -> Cloud:
+    """One point for each voxel at its centre, with the label of its votes."""
+    return Cloud((index + 0.5) * resolution_m, hits / (hits + frees) >= OCCUPIED_SHARE, np.ones(len(index)))
 
 
 def points_cloud(scans: Scans, resolution_m: float, seed: int = 0) -> tuple[Cloud, np.ndarray]:

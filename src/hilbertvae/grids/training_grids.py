@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hilbertvae.checks import InputError, check_share
-from hilbertvae.cloud import FREE_POINT_M, Cloud, fit_cloud, placed_as
+from hilbertvae.cloud import FREE_POINT_M, Cloud, fit_cloud, labelled_voxels, placed_as
 from hilbertvae.gaps import NoRoom, is_range, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, bin_voted, find_frames
+from hilbertvae.observed_map import cloud_of_cells
 from hilbertvae.occlusions import random_occlusion
 from hilbertvae.scans.scan import Scans
 
@@ -23,11 +24,14 @@ class ClusteringSettings:
     """Range of the diameters of the gaps that each clustering cuts from its input; an empty list cuts none."""
     occluded_share: float = 0.0
     """Share of the clusterings that are shown a site that was scanned less (`occlusions.py`) instead of one with gaps."""
+    mapped_share: float = 0.0
+    """Share of the clusterings that are shown what an existing map would say of what they show: labels of cells alone (`observed_map.py`)."""
     turn: bool = True
     """Each clustering but the first turns the site about the vertical by a random angle."""
 
     def __post_init__(self):
-        check_share(self.occluded_share, "clustering.occluded_share")
+        for key in ("occluded_share", "mapped_share"):
+            check_share(getattr(self, key), f"clustering.{key}")
         if isinstance(self.gap_diameter_m, np.ndarray):  # numpy's numbers are none in JSON
             self.gap_diameter_m = self.gap_diameter_m.tolist()
         sizes = self.gap_diameter_m
@@ -68,6 +72,10 @@ def training_grids(
         whole = placed_as(whole, cloud, resolution_m)  # or a turned box would take for hidden what is shown a cell further
     elif clustering.gap_diameter_m:
         cloud = random_gaps(whole, tuple(clustering.gap_diameter_m), resolution_m, seed).cut(whole)
+    if rng.random() < clustering.mapped_share:
+        cells = labelled_voxels(cloud, resolution_m)
+        whole = placed_as(whole, cells, resolution_m)
+        cloud = cloud_of_cells(cells.points, cells.occupied, resolution_m, resolution_m)
     frames = find_frames(cloud, grid, seed)
     target = bin_voted(whole, frames, grid, resolution_m / FREE_POINT_M) if voted else bin_grids(whole, frames, grid)
     return bin_shown(cloud, frames, grid, detailed), target

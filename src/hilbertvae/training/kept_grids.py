@@ -24,6 +24,7 @@ GRID_SOURCES = (
     "cloud.py",
     "gaps.py",
     "occlusions.py",
+    "observed_map.py",
     "site.py",
     "bucket_index.py",
     "scans",
