@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hilbertvae import voxel_votes as votes_module
-from hilbertvae.cloud import Cloud, fit_cloud, placed_as, points_cloud, voxel_cloud
+from hilbertvae.cloud import Cloud, fit_cloud, labelled_voxels, placed_as, points_cloud, voxel_cloud
 from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_votes import sorted_keys, voxel_index, voxel_votes
 
@@ -196,3 +196,12 @@ def test_a_cloud_placed_as_nothing_stays():
     cloud = Cloud(np.zeros((1, 2)), np.ones(1, bool), np.ones(1))
     nothing = cloud.select(np.zeros(1, bool))
     assert placed_as(cloud, nothing, 0.1) is cloud and placed_as(nothing, cloud, 0.1) is nothing
+
+
+def test_voxels_of_a_fit_cloud_have_the_labels_of_all_its_scans(place):
+    found = labelled_voxels(fit_cloud(place.scans, place.resolution_m), place.resolution_m)
+    wanted = voxel_cloud(place.scans, place.resolution_m)
+    ours, theirs = (np.lexsort(cloud.points.T) for cloud in (found, wanted))
+    np.testing.assert_allclose(found.points[ours], wanted.points[theirs])
+    np.testing.assert_array_equal(found.occupied[ours], wanted.occupied[theirs])
+    assert not len(labelled_voxels(found.select(slice(0)), place.resolution_m))

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from hilbertvae import observed_map
 from hilbertvae.checks import InputError
 from hilbertvae.mappers.given_map import read_given_map
 from hilbertvae.observed_map import CELL_WEIGHT, cloud_of_cells, read_ros_map
@@ -118,6 +119,36 @@ def test_cells_smaller_than_a_voxel_are_one_point_each():
     assert (np.abs(split.points[:8] - centres[0]) < 0.0127).all()
     with pytest.raises(InputError, match="resolution_m.*more than"):
         cloud_of_cells(centres, np.array([True, False]), 0.05, 1e-6)
+
+
+@pytest.mark.parametrize(("cell_m", "points"), [(0.2, 4), (0.1, 4), (0.05, 4), (0.025, 16)])
+def test_a_voxel_counts_the_same_however_fine_a_map_is(cell_m, points):
+    side = round(1 / cell_m)
+    centres = np.stack(np.meshgrid(*[(np.arange(side) + 0.5) * cell_m] * 2), axis=-1).reshape(-1, 2)
+    cloud = cloud_of_cells(centres, np.zeros(len(centres), bool), cell_m, 0.1)
+    _, voxel, count = np.unique(np.floor(cloud.points / 0.1), axis=0, return_inverse=True, return_counts=True)
+    assert len(count) == 100 and (count == points).all()
+    np.testing.assert_allclose(np.bincount(voxel.ravel(), cloud.weight), CELL_WEIGHT)
+
+
+@settings(max_examples=30)
+@given(yaw=st.floats(0, math.pi), turned=st.floats(0, math.pi), cell_m=st.sampled_from([0.05, 0.1, 0.25]), shift=st.floats(0, 0.1))
+def test_no_cell_of_a_turned_box_within_a_map_is_left_without_a_point(yaw, turned, cell_m, shift):
+    side = round(3 / cell_m)
+    sides = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
+    centres = np.stack(np.meshgrid(*[(np.arange(side) + 0.5) * cell_m - 1.5] * 2), axis=-1).reshape(-1, 2) @ sides
+    cloud = cloud_of_cells(centres, np.zeros(len(centres), bool), cell_m, 0.1, sides)
+    turn = np.array([[math.cos(turned), math.sin(turned)], [-math.sin(turned), math.cos(turned)]])
+    cells = np.floor((cloud.points @ turn + shift) / 0.1).astype(int)
+    within = cells[(np.abs(cells) < 9).all(axis=1)]  # 0.9 m, of a map that reaches 1.5 m on all sides
+    assert len(np.unique(within, axis=0)) == 17 * 17
+
+
+def test_a_map_too_large_to_be_split_stays_whole(monkeypatch):
+    monkeypatch.setattr(observed_map, "MOST_PIECES", 7)
+    centres = (np.array([[3, 4], [-1, 0]]) + 0.5) * 0.1
+    cloud = cloud_of_cells(centres, np.array([True, False]), 0.1, 0.1)
+    assert len(cloud) == 2 and (cloud.weight == CELL_WEIGHT).all()
 
 
 @pytest.mark.parametrize(

@@ -25,9 +25,10 @@ MODES = ("trinary", "scale", "raw")
 OCCUPIED_ABOVE_PERCENT, FREE_BELOW_PERCENT = 60, 40
 """The cuts of our own maps, for cells that have a probability and no label."""
 CELL_WEIGHT = 8.0
-"""How many samples a cell counts for, which maps don't say. The log loss of voxels that csail's held-out beams crossed is 0.010 with its
-scans, and with its map read back 0.032, 0.024, 0.024 and 0.029 for 3, 8, 10 and 30; on kitti00_start 0.010, and 0.027, 0.022, 0.023 and
-0.028 (docs/decisions.md, "How far from data a map is written, and what a cell of an existing map counts for")."""
+"""How many samples a voxel of a map counts for, which maps don't say. The log loss of voxels that csail's held-out beams crossed is 0.010
+with its scans, with its map read back 0.032, 0.024, 0.024 and 0.029 for 3, 8, 10 and 30, and with one of half the cells (so that a cell
+is a quarter of this) 0.037, 0.040, 0.052 and 0.070 for 4, 8, 16 and 32; on kitti00_start 0.010, and 0.027, 0.022, 0.023 and 0.028 for 3, 8,
+10 and 30 (docs/decisions.md, "How far from data a map is written, and what a cell of an existing map counts for")."""
 MOST_YAML_BYTES = 1 << 16
 MOST_CELLS = 1 << 27
 PIECES = {2: 2, 3: 1}
@@ -46,8 +47,8 @@ def cloud_of_cells(
     """The cells of a map as labelled points.
 
     centres: (N, D) metres, map frame; occupied: (N,) bool. resolution_m: the voxel of the mapper that gets the cloud: cells that are
-    larger than a piece of it (`PIECES`) are split, so that no voxel in them is left without a point, nor a cell of a turned box; what a voxel
-    counts for stays the same. sides: (D, D), rows of unit vectors along the cells' sides; the axes unless given.
+    larger than a piece of it (`PIECES`) are split, so that no voxel in them is left without a point, nor a cell of a turned box. A voxel
+    counts for `CELL_WEIGHT`, however many points it has. sides: (D, D), rows of unit vectors along the cells' sides; the axes unless given.
     Raises `InputError` for more than 2^27 points.
     """
     dimension = centres.shape[1]

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import fit_cloud, placed_as
+from hilbertvae.cloud import fit_cloud, placed_as, voxel_cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids import training_grids as made_by
-from hilbertvae.grids.cluster_grids import bin_grids, find_frames
+from hilbertvae.grids.aligned_grid import count_code
+from hilbertvae.grids.cluster_grids import bin_detailed, bin_grids, find_frames
 from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.grids.training_grids import ClusteringSettings, gapped_grids, training_grids, turned
+from hilbertvae.observed_map import CELL_WEIGHT, cloud_of_cells
 from hilbertvae.occlusions import random_occlusion
 from hilbertvae.voxel_votes import voxel_index
 from toy_rooms import tiny_grid
@@ -91,9 +93,38 @@ def test_as_many_clusterings_are_occluded_as_asked(room, monkeypatch):
     assert 4 <= len(asked) <= 16
 
 
-def test_a_share_is_between_0_and_1():
-    with pytest.raises(InputError, match=r"clustering.occluded_share: expected a share in \[0, 1\], got 1.5"):
-        ClusteringSettings(occluded_share=1.5)
+@pytest.mark.parametrize("occluded", [0.0, 1.0])
+def test_a_mapped_clustering_is_shown_what_a_map_would_say(place, occluded):
+    """Cells with one label each, whatever their votes and where these lie; the target is still all that scans know."""
+    grid, res = replace(tiny_grid(place.dimension), frame=FrameSettings(rotation="spread")), place.resolution_m
+    how = ClusteringSettings(1, [1.0, 1.5], occluded, mapped_share=1.0, turn=False)
+    shown, target = training_grids(place.scans, res, grid, how, 3, detailed=True)
+    whole = fit_cloud(place.scans, res)
+    if occluded:
+        cells = voxel_cloud(place.scans.select(random_occlusion(place.scans, 3)), res)
+    else:
+        cells = random_gaps(whole, (1.0, 1.5), res, 3).cut(voxel_cloud(place.scans, res))
+    read = cloud_of_cells(cells.points, cells.occupied, res, res)
+    frames = find_frames(read, grid, 3)
+    np.testing.assert_array_equal(shown, bin_detailed(read, frames, grid))
+    np.testing.assert_array_equal(target, bin_grids(placed_as(whole, cells, res), frames, grid))
+    known = shown[:, 0] != 0
+    assert known.any() and (target[known] != 0).mean() > 0.5 and ((target != 0) & ~known).any()
+    assert shown[:, 1:3].max() <= count_code(np.array([CELL_WEIGHT * 4]))[0]  # of a turned box's cell, at most the points of four voxels
+
+
+def test_as_many_clusterings_are_mapped_as_asked(room, monkeypatch):
+    asked, made = [], made_by.cloud_of_cells
+    monkeypatch.setattr(made_by, "cloud_of_cells", lambda *cells: asked.append(cells) or made(*cells))
+    for seed in range(20):
+        training_grids(room.scans, 0.1, tiny_grid(), ClusteringSettings(1, [0.6, 1.0], mapped_share=0.5, turn=False), seed)
+    assert 4 <= len(asked) <= 16
+
+
+@pytest.mark.parametrize("key", ["occluded_share", "mapped_share"])
+def test_a_share_is_between_0_and_1(key):
+    with pytest.raises(InputError, match=rf"clustering.{key}: expected a share in \[0, 1\], got 1.5"):
+        ClusteringSettings(**{key: 1.5})
 
 
 @pytest.mark.parametrize("sizes", [2.5, "2.5", ["1", "2"], [np.nan, np.nan]])

@@ -25,7 +25,7 @@ class ClusteringSettings:
     occluded_share: float = 0.0
     """Share of the clusterings that are shown a site that was scanned less (`occlusions.py`) instead of one with gaps."""
     mapped_share: float = 0.0
-    """Share of the clusterings that are shown what an existing map would say of what they show: labels of cells alone (`observed_map.py`)."""
+    """Share of the clusterings that are shown what an existing map would say instead: labels of cells alone (`observed_map.py`)."""
     turn: bool = True
     """Each clustering but the first turns the site about the vertical by a random angle."""
 
