@@ -5,6 +5,7 @@ import octomap
 import pytest
 
 from hilbertvae.exports.grid_npz import read_grid
+from hilbertvae.mappers.given_map import is_given_map
 from hilbertvae.mappers.saved_map import load_map
 from hilbertvae.mapping import MapSettings, make_map
 
@@ -52,3 +53,9 @@ def test_cells_in_single_precision_are_as_large_as_a_network_s(tmp_path, cell_m,
     (tmp_path / "map.yaml").write_text(header)
     out = make_map(MapSettings(scans=str(tmp_path / "map.yaml"), output=str(tmp_path / "out"), fill=False, exports=[]))
     assert load_map(out).evidence_.resolution_m == pytest.approx(voxel_m, rel=1e-6)
+
+
+def test_a_folder_of_scans_named_as_a_map_is_none(tmp_path):
+    (tmp_path / "monday.yaml").mkdir()
+    (tmp_path / "monday.bt").write_bytes(b"")
+    assert not is_given_map(tmp_path / "monday.yaml") and is_given_map(tmp_path / "monday.bt")

@@ -46,6 +46,12 @@ def test_folders(tmp_path):
         read_scans_path(drive, ReadingSettings(sensor_origin_m=[0, 0, 0]))
 
 
+@pytest.mark.parametrize("name", ["a.log", "a.clf.gz", "a.bag", "a.mcap", "a.yaml"])
+def test_a_folder_may_be_named_as_a_file_is(tmp_path, name):
+    folder = write_drive(tmp_path / name, POINTS.reshape(3, 20, 3), random_poses(3))
+    same(read_scans_path(folder), read_scan_folder(folder))
+
+
 def test_single_files(tmp_path):
     path = write_npz(tmp_path / "a.NPZ.npz")
     with pytest.raises(InputError, match="reading.sensor_origin_m"):

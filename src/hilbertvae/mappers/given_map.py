@@ -39,8 +39,8 @@ class GivenMap:
 
 
 def is_given_map(path: str | os.PathLike) -> bool:
-    """Whether a path ends as the file of a map does, and not as one of scans."""
-    return Path(path).suffix.lower() in MAPS
+    """Whether a path ends as the file of a map does, and is no folder of scans."""
+    return Path(path).suffix.lower() in MAPS and not Path(path).is_dir()
 
 
 def read_given_map(path: str | os.PathLike) -> GivenMap:

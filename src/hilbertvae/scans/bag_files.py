@@ -16,7 +16,7 @@ METADATA = "metadata.yaml"
 def is_bag(path: str | os.PathLike) -> bool:
     """Whether a path is a bag by its name, or a folder by what is in it."""
     path = Path(path)
-    if path.suffix.lower() in BAG_FILES:
+    if path.suffix.lower() in BAG_FILES and not path.is_dir():
         return True
     if not (path / METADATA).is_file():
         return False

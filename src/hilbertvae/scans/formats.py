@@ -71,7 +71,7 @@ def read_scans_path(path: str | os.PathLike, reading: ReadingSettings | None = N
     path, reading = Path(path), reading or ReadingSettings()
     ranges = {key: value for key in ("max_range_m", "min_range_m") if (value := getattr(reading, key)) is not None}
     of_bags, of_logs = ("topic", "fixed_frame", "odometry", "deskew"), "beam_step_deg"
-    if path.name.lower().endswith(CARMEN):
+    if path.name.lower().endswith(CARMEN) and not path.is_dir():
         _refuse(path, "a CARMEN log", reading, "sensor_origin_m", "beam_origin", "poses", *of_bags)
         return read_carmen(path, every=reading.every, step_deg=reading.beam_step_deg, **ranges)
     if is_bag(path):
