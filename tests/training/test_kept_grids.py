@@ -6,6 +6,7 @@ import pytest
 from training_toys import changed, name_of, tiny_settings
 
 from hilbertvae.grids.frame import FrameSettings
+from hilbertvae.training.kept_grids import VALIDATION_SEEDS
 
 MATTER = [
     ("resolution_m", 0.2),
@@ -21,6 +22,7 @@ MATTER = [
     ("clustering.gap_diameter_m", [1.0, 1.2]),
     ("clustering.gap_diameter_m", []),
     ("clustering.turn", False),
+    ("clustering.mapped_share", 0.5),
     ("data.simulated_scans", 21),
     ("data.simulated_extent_m", [12, 17]),
     ("network.encoding", "detailed"),
@@ -61,3 +63,11 @@ def test_the_hash_sees_site_and_clustering():
     settings = tiny_settings("run", "cache")
     names = [("simulated:0", 1), ("simulated:0", 2), ("simulated:1", 1), ("intel", 1), ("csail", 1)]
     assert len({name_of(*name, settings) for name in names}) == len(names)
+
+
+@pytest.mark.parametrize(("share", "same"), [(0.0, True), (0.5, True), (1.0, False)])
+def test_the_validation_site_is_a_map_where_all_training_sites_are(share, same):
+    settings = tiny_settings("run", "cache")
+    other = changed(settings, "clustering.mapped_share", share)
+    for seed in VALIDATION_SEEDS:
+        assert (name_of("simulated:1", seed, other) == name_of("simulated:1", seed, settings)) is same
