@@ -16,7 +16,7 @@ import yaml
 from PIL import Image
 
 from hilbertvae.checks import InputError, check_cell_m, check_positive
-from hilbertvae.cloud import Cloud
+from hilbertvae.cloud import Cloud, labelled_voxels
 from hilbertvae.scans.file_points import check_fits, named, reading
 
 OCCUPIED_PIXEL, FREE_PIXEL, UNKNOWN_PIXEL = 0, 254, 205
@@ -73,6 +73,12 @@ def cloud_of_cells(
         centres = centres + np.where(np.abs(phase - np.rint(phase)) < ON_SIDE, 2 * ON_SIDE * voxel_m, 0.0)
     piece = min(1.0, cell_m / parts / (resolution_m or cell_m))  # of a voxel's side
     return Cloud(centres, occupied, np.full(len(centres), CELL_WEIGHT * piece**dimension))
+
+
+def map_of(cloud: Cloud, resolution_m: float) -> Cloud:
+    """What is read of a map that says what a `fit_cloud` says, in cells of its voxels: of each a label, and nothing of its votes."""
+    cells = labelled_voxels(cloud, resolution_m)
+    return cloud_of_cells(cells.points, cells.occupied, resolution_m, resolution_m)
 
 
 @dataclass(frozen=True)

@@ -114,8 +114,8 @@ def test_a_mapped_clustering_is_shown_what_a_map_would_say(place, occluded):
 
 
 def test_as_many_clusterings_are_mapped_as_asked(room, monkeypatch):
-    asked, made = [], made_by.cloud_of_cells
-    monkeypatch.setattr(made_by, "cloud_of_cells", lambda *cells: asked.append(cells) or made(*cells))
+    asked, made = [], made_by.map_of
+    monkeypatch.setattr(made_by, "map_of", lambda *shown: asked.append(shown) or made(*shown))
     for seed in range(20):
         training_grids(room.scans, 0.1, tiny_grid(), ClusteringSettings(1, [0.6, 1.0], mapped_share=0.5, turn=False), seed)
     assert 4 <= len(asked) <= 16

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.weights import RankWeights, unit_weights
+from hilbertvae.observed_map import map_of
 from hilbertvae.scoring import calibration
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.cases import occluded_parts, occlusion_case
@@ -105,6 +107,19 @@ def test_several_sites_teach_one_set_of_weights(place, monkeypatch):
             np.testing.assert_array_equal(np.sort(found, axis=0), np.sort(together, axis=0))
         assert one[-2:] == both[-2:]
         assert both[-1] == (place.dimension == 2)  # whether how far boxes disagree is heard
+
+
+def test_maps_of_maps_learn_from_maps(place):
+    """From the same gaps and the same questions as maps of scans."""
+    of_scans, of_map = (Recorder(tiny_reconstructor(place.dimension)) for _ in range(2))
+    learned = [learn_rank_weights(mapper, [place], 1.2, [100], given=given) for mapper, given in ((of_scans, "scans"), (of_map, "map"))]
+    assert learned[0] != learned[1]
+    for scans, given in zip(of_scans.given, of_map.given, strict=True):
+        expected = map_of(Cloud(*scans), place.resolution_m)
+        np.testing.assert_array_equal(given[0], expected.points)
+        np.testing.assert_array_equal(given[2], expected.weight)
+    for ours, theirs in zip(of_scans.asked, of_map.asked, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
 
 
 def test_large_sites_are_thinned(room, monkeypatch):

@@ -8,11 +8,12 @@ from protocol_toys import Spy, voxels
 from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import fit_cloud
+from hilbertvae.cloud import Cloud, fit_cloud
 from hilbertvae.gaps import INSIDE
 from hilbertvae.mappers.constant import ConstantMapper, GapCentreMapper
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.nearest import NearestMapper
+from hilbertvae.observed_map import map_of
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scoring import cases
 from hilbertvae.scoring.cases import gap_case
@@ -56,6 +57,19 @@ def test_removed_points_and_held_out_beams_are_never_shown(place):
         np.testing.assert_array_equal(points, expected.points)
         np.testing.assert_array_equal(occupied, expected.occupied)
         np.testing.assert_array_equal(weight, expected.weight)
+
+
+def test_mappers_may_be_given_what_a_map_says(place):
+    """Of the same gaps, and asked the same."""
+    of_scans, of_map = Spy(), Spy()
+    found = [evaluate(spy, place, replace(QUICK, given=given, occlusion=True)) for spy, given in ((of_scans, "scans"), (of_map, "map"))]
+    assert [result.protocol["given"] for result in found] == ["scans", "map"] and found[0].gaps == found[1].gaps
+    for (points, occupied, weight, _), (*given, _) in zip(of_scans.fits_, of_map.fits_, strict=True):
+        expected = map_of(Cloud(points, occupied, weight), place.resolution_m)
+        for ours, theirs in zip(given, (expected.points, expected.occupied, expected.weight), strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+    for ours, theirs in zip(of_scans.asked_, of_map.asked_, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
 
 
 def test_all_mappers_are_given_and_asked_the_same(room):
@@ -253,6 +267,7 @@ def test_times_are_kept(room):
         ({"gap_seeds": [1, 1]}, "evaluation.gap_seeds: expected one or more different seeds"),
         ({"gap_ratio": 0.0}, "evaluation.gap_ratio: expected a positive number"),
         ({"cluster_size_m": -5.0}, "evaluation.cluster_size_m: expected a positive number"),
+        ({"given": "maps"}, "evaluation.given: expected one of scans, map, got 'maps'"),
         ({"gap_ratio": 20.0, "centred": True}, "none fits into this site"),
     ],
 )

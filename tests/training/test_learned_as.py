@@ -6,6 +6,7 @@ import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.formats import ReadingSettings
+from hilbertvae.scoring.protocol_settings import Protocol
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.training.learned_as import KEY, as_made, learned_as, settings_of
 from hilbertvae.training.settings import DataSettings, Settings
@@ -19,8 +20,17 @@ def test_a_card_brings_back_how_sites_were_made_and_weights_learned():
     found = settings_of(card, 3)
     assert found.source() == made.source() and found.calibration() == made.calibration()
     assert settings_of({}, 3) == Settings(dimension=3)
-    del card[KEY]["data"]["reading"]  # as in older cards
+    del card[KEY]["data"]["reading"], card[KEY]["given"]  # as in older cards
     assert settings_of(card, 3).data.reading == ReadingSettings()
+    assert settings_of(card, 3).evaluation.given == "scans"
+
+
+def test_a_card_says_whether_maps_were_given():
+    card = {KEY: learned_as(Settings(evaluation=Protocol(given="map")))}
+    assert settings_of(card, 2).calibration()["given"] == "map"
+    card[KEY]["given"] = "maps"
+    with pytest.raises(InputError, match="card.learned_as.given: expected one of scans, map, got 'maps'"):
+        settings_of(card, 2)
 
 
 @pytest.mark.parametrize("damaged", [3, {}, {"data": {"street": {"lanes": 2}}}])

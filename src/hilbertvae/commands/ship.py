@@ -23,6 +23,7 @@ from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
 from hilbertvae.reconstruction.training_card import calibrated_on
 from hilbertvae.reports.card import card_text
 from hilbertvae.scoring.calibration import learn_rank_weights
+from hilbertvae.scoring.protocol_settings import GIVEN, check_given
 from hilbertvae.site import open_site
 from hilbertvae.training.learned_as import KEY, learned_as, settings_of
 from hilbertvae.training.site_roles import check_unseen
@@ -38,6 +39,7 @@ def ship(
     calibrate: Sequence[str] = (),
     occupied_weight: float | None = None,
     calibration_seeds: Sequence[int] = (),
+    given: str | None = None,
 ) -> Path:
     """Pack the network of `checkpoint`, learn its map's weights with it as packed, and write it where `load_mapper(name)` looks.
 
@@ -47,7 +49,8 @@ def ship(
     weights is added to its own. calibrate: the sites that the map's weights are learned on, if not those of its training.
     occupied_weight: what an occupied point counts for in the weights for points, which says where the cuts lie between precision and
     recall; as in those that the checkpoint has, unless given. calibration_seeds: the gap seeds that they are learned with, of several
-    sites fewer than of one. Else simulated sites are made, and gaps cut, as in its training, if its card says how, or by default."""
+    sites fewer than of one. given: what its maps will be given, `scans` or `map` (`Protocol.given`), and so these weights are learned from.
+    Else simulated sites are made, and gaps cut, as in its training, if its card says how, or by default."""
     if occupied_weight is not None:
         check_occupied_weight(occupied_weight, "--occupied-weight")
     if calibration_seeds:
@@ -65,6 +68,10 @@ def ship(
     known, how = settings_of(trained.card, trained.dimension), "as in its training" if KEY in trained.card else "by defaults"
     if calibration_seeds:
         known = replace(known, calibration_seeds=list(calibration_seeds))
+        trained = replace(trained, card={**trained.card, KEY: learned_as(known)})
+    if given:
+        check_given(given, "--given")
+        known = replace(known, evaluation=replace(known.evaluation, given=given))
         trained = replace(trained, card={**trained.card, KEY: learned_as(known)})
     with tempfile.TemporaryDirectory() as folder:
         packed = Reconstructor.load(replace(trained, map_weights={}).save(Path(folder) / "packed.safetensors", packed=True))
@@ -109,13 +116,14 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument(
         "--calibration-seeds", nargs="+", type=int, default=[], help="gap seeds that they are learned with, if not as in its training"
     )
+    parser.add_argument("--given", choices=GIVEN, help="what its maps will be given, if not as in its training")
     parser.add_argument("--results", type=Path, nargs="*", default=[], help="result.json files that scored it, for its card")
-    given = vars(parser.parse_args(words))
-    results = given.pop("results")
+    asked = vars(parser.parse_args(words))
+    results = asked.pop("results")
     try:
-        if given["checkpoint"]:
-            print(ship(**given))
-        print(write_card(given["name"], results))
+        if asked["checkpoint"]:
+            print(ship(**asked))
+        print(write_card(asked["name"], results))
     except (InputError, OSError) as error:
         print(f"hilbertvae.commands.ship: {error}", file=sys.stderr)
         return 2

@@ -10,7 +10,7 @@ from hilbertvae.checks import InputError, check_share
 from hilbertvae.cloud import FREE_POINT_M, Cloud, fit_cloud, labelled_voxels, placed_as
 from hilbertvae.gaps import NoRoom, is_range, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, bin_voted, find_frames
-from hilbertvae.observed_map import cloud_of_cells
+from hilbertvae.observed_map import map_of
 from hilbertvae.occlusions import random_occlusion
 from hilbertvae.scans.scan import Scans
 
@@ -73,9 +73,8 @@ def training_grids(
     elif clustering.gap_diameter_m:
         cloud = random_gaps(whole, tuple(clustering.gap_diameter_m), resolution_m, seed).cut(whole)
     if rng.random() < clustering.mapped_share:
-        cells = labelled_voxels(cloud, resolution_m)
-        whole = placed_as(whole, cells, resolution_m)
-        cloud = cloud_of_cells(cells.points, cells.occupied, resolution_m, resolution_m)
+        whole = placed_as(whole, labelled_voxels(cloud, resolution_m), resolution_m)
+        cloud = map_of(cloud, resolution_m)
     frames = find_frames(cloud, grid, seed)
     target = bin_voted(whole, frames, grid, resolution_m / FREE_POINT_M) if voted else bin_grids(whole, frames, grid)
     return bin_shown(cloud, frames, grid, detailed), target

@@ -12,12 +12,13 @@ from pathlib import Path
 from matplotlib.figure import Figure
 from rich.console import Console
 
+from hilbertvae.cloud import Cloud
 from hilbertvae.drawing.canvas import save_picture
 from hilbertvae.drawing.lit_colours import surface_colours
 from hilbertvae.drawing.mesh_tab import add_surface
 from hilbertvae.drawing.surface import Surface, field_surface, write_ply
 from hilbertvae.files import atomic
-from hilbertvae.gaps import INSIDE, Gaps
+from hilbertvae.gaps import INSIDE
 from hilbertvae.grids.cluster_grids import bin_grids, bin_shown, find_frames, labels_of
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
@@ -46,6 +47,7 @@ from hilbertvae.reports.slice_pictures import slice_picture
 from hilbertvae.reports.surface_pictures import close_up_picture, site_view_picture
 from hilbertvae.reports.tensorboard import scores_writer, site_tag, write_tensorboard
 from hilbertvae.reports.uncertainty_pictures import uncertainty_picture
+from hilbertvae.scoring.cases import as_given
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 
@@ -148,7 +150,7 @@ class Report:
         scored = {name: mapper for name, mapper in mappers.items() if name in result.scores}  # one that failed would fail again
         ours = next((name for name, m in scored.items() if isinstance(getattr(m, "reconstructor", None), Reconstructor)), None)
         rival = next((name for name in RIVALS if name in scored), None)
-        shown = gaps.cut(site.fit)
+        shown = as_given(gaps.cut(site.fit), site.resolution_m, result.protocol.get("given", "scans"))
 
         def fit(name: str, other: Mapper | None = None) -> Mapper:
             mapper = scored[name]
@@ -178,7 +180,7 @@ class Report:
                 answers = {name: (inside.occupied, m.predict_proba(inside.points)[:, 1]) for name, m in fitted.items()}
                 figures["reliability"] = reliability_picture(answers, f"{site.name}, voxels in gaps")
         if ours:
-            figures |= _network_figures(fitted[ours], site, gaps)
+            figures |= _network_figures(fitted[ours], site, shown)
         return figures, surface
 
     def close(self) -> int:
@@ -190,10 +192,10 @@ class Report:
         return int(bool(self.failed))
 
 
-def _network_figures(mapper: HilbertMap, site: Site, gaps: Gaps) -> dict[str, Figure]:
+def _network_figures(mapper: HilbertMap, site: Site, shown: Cloud) -> dict[str, Figure]:
     """One cluster through the pipeline, reconstructions of clusters with gaps, and what is drawn from the prior: whole grids, or with a
     conditional one several completions of each gap."""
-    network, shown = mapper.reconstructor, gaps.cut(site.fit)
+    network = mapper.reconstructor
     frames = find_frames(shown, network.grid, mapper.seed)
     grids, target = bin_shown(shown, frames, network.grid, network.detailed), bin_grids(site.whole, frames, network.grid)
     labels = labels_of(grids, site.dimension)

@@ -16,7 +16,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.newton_logistic import logistic_weights
 from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, RankWeights, fit_rank_weights
 from hilbertvae.progress import track
-from hilbertvae.scoring.cases import occluded_parts, occlusion_case
+from hilbertvae.scoring.cases import as_given, occluded_parts, occlusion_case
 from hilbertvae.site import Site
 
 MOST_QUERIES = 400_000
@@ -33,12 +33,14 @@ def learn_rank_weights(
     seeds: list[int],
     occlusion: bool = True,
     occupied_weight: float = OCCUPIED_WEIGHT,
+    given: str = "scans",
 ) -> dict[str, dict]:
     """Plain rank weights by reading (`points`, `voxels`), from inputs of all `sites` with parts hidden, and what was hidden.
 
     Hidden are gaps and held-out beams, and for `voxels` also what scans that were left out saw (`occlusion`): a map that is sure in
     gaps alone would be as sure behind things. One network serves both readings; only these weights differ: a probability is
     calibrated for the cells it was fitted on, the cuts for the points, of which an occupied one counts for `occupied_weight`.
+    given: what maps are shown of the sites, as `Protocol.given` has it.
     """
     gathered: dict[str, list] = {"points": [], "voxels": []}
     as_read = {reading: copy.copy(mapper).set_params(calibration=reading) for reading in gathered}
@@ -50,9 +52,13 @@ def learn_rank_weights(
         features = as_read[reading].fit_as(mapper).features(cloud.points[asked])
         gathered[reading].append((*features, cloud.occupied[asked]))
 
+    def show(cloud: Cloud, site: Site, seed: int) -> None:
+        shown = as_given(cloud, site.resolution_m, given)
+        mapper.set_params(seed=seed).fit(shown.points, shown.occupied, shown.weight)
+
     for site, seed in track(list(product(sites, seeds)), f"{LEARNING} from gaps", transient=True):
         gaps = random_gaps(site.fit, gap_diameter_m, site.resolution_m, seed)
-        _show(mapper, gaps.cut(site.fit), seed)
+        show(gaps.cut(site.fit), site, seed)
         for reading, cloud, held_out in (
             ("points", site.points, site.points_held_out),
             ("voxels", site.voxels, site.voxels_held_out),
@@ -65,7 +71,7 @@ def learn_rank_weights(
         case = site.remember((region, kept.tobytes()), partial(occlusion_case, site, region, kept))
         asked = case.asked["voxels"]
         if len(asked.points) and case.shown.occupied.any():
-            _show(mapper, case.shown, seed)
+            show(case.shown, site, seed)
             gather("voxels", Cloud(asked.points, asked.occupied, np.ones(len(asked.points))), np.arange(len(asked.points)), seed)
     counts = {"points": occupied_weight, "voxels": 1.0}
     queries = {name: list(map(np.concatenate, zip(*portions, strict=True))) for name, portions in gathered.items()}
@@ -95,7 +101,3 @@ def _occlusions(sites: Sequence[Site], seeds: list[int]) -> list[tuple]:
             for region, kept in occluded_parts(site.scans, seed).items():
                 found[number, kept.tobytes()] = (site, region, kept, seed)
     return list(found.values())
-
-
-def _show(mapper: HilbertMap, shown: Cloud, seed: int) -> None:
-    mapper.set_params(seed=seed).fit(shown.points, shown.occupied, shown.weight)

@@ -11,6 +11,7 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.cores import cores
 from hilbertvae.gaps import INSIDE, OUTSIDE, Gaps
 from hilbertvae.ground import ABOVE_GROUND_M
+from hilbertvae.observed_map import map_of
 from hilbertvae.scans.scan import Scans
 from hilbertvae.site import Site
 from hilbertvae.voxel_votes import voxel_index
@@ -38,6 +39,11 @@ class Case:
 
     shown: Cloud
     asked: dict[str, Questions]
+
+
+def as_given(cloud: Cloud, resolution_m: float, given: str) -> Cloud:
+    """The cloud that is shown, as `given` says (`Protocol.given`)."""
+    return map_of(cloud, resolution_m) if given == "map" else cloud
 
 
 def gap_case(site: Site, gaps: Gaps) -> Case:

@@ -14,7 +14,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import LEAST_SHARE, Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.scoring.cases import Case, gap_case, occluded_parts, occlusion_case
+from hilbertvae.scoring.cases import Case, as_given, gap_case, occluded_parts, occlusion_case
 from hilbertvae.scoring.ceiling import ceiling
 from hilbertvae.scoring.metrics import error_ranking, precision_recall_curve, score
 from hilbertvae.scoring.protocol_settings import Protocol
@@ -71,7 +71,7 @@ def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, p
                 key = (region, kept.tobytes())
                 cases.append(site.remember(key, lambda region=region, kept=kept: occlusion_case(site, region, kept)))
         for case in cases:
-            taken = _fit(first, case.shown)
+            taken = _fit(first, as_given(case.shown, site.resolution_m, protocol.given))
             for mapper in others:
                 mapper.fit_as(first)
             for name, mapper in mappers.items():

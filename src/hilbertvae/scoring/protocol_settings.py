@@ -6,7 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hilbertvae.checks import check_positive, check_seeds
+from hilbertvae.checks import InputError, check_positive, check_seeds
+
+GIVEN = ("scans", "map")
 
 
 @dataclass
@@ -21,6 +23,8 @@ class Protocol:
     rim: bool = True
     """Whether voxels that a gap's surface cuts are neither shown nor asked, as METHOD 7 has it. Without, their middles decide, and what is
     asked begins right beside what is shown: gaps are easier. For scores beside those of METHOD 4, whose gaps seem to be such."""
+    given: str = "scans"
+    """What mappers are given of a site: `scans`, or `map`, what an existing map would say of them (`observed_map.map_of`)."""
     occlusion: bool = True
     """Also score real occlusion: what only the scans that were left out have seen."""
 
@@ -39,3 +43,10 @@ class Protocol:
         check_positive(self.gap_ratio, "evaluation.gap_ratio")
         check_positive(self.cluster_size_m, "evaluation.cluster_size_m")
         check_seeds(self.gap_seeds, "evaluation.gap_seeds")
+        check_given(self.given, "evaluation.given")
+
+
+def check_given(given: str, name: str) -> None:
+    """An `InputError` for what no mapper can be given."""
+    if given not in GIVEN:
+        raise InputError(f"{name}: expected one of {', '.join(GIVEN)}, got {given!r}")

@@ -85,8 +85,8 @@ def code_hash(parts: tuple[str, ...]) -> str:
 
 
 def _clustering(seed: int, settings: Settings) -> ClusteringSettings:
-    """The validation site is seen as it will be mapped: unturned, with gaps of one size, whatever training shows; but as a map where training
-    shows nothing but maps."""
+    """The validation site is seen as it will be mapped: unturned, with gaps of one size, whatever training shows; but as a map where
+    training shows nothing but maps."""
     if seed in VALIDATION_SEEDS:
         mapped = float(settings.clustering.mapped_share == 1)
         return ClusteringSettings(1, [settings.validation_gap_m] * 2, mapped_share=mapped, turn=False)

@@ -210,6 +210,7 @@ class Settings:
             "gap_diameter_m": self.validation_gap_m,
             "seeds": self.calibration_seeds,
             "occupied_weight": self.calibration_occupied_weight,
+            "given": self.evaluation.given,
         }
 
     def check(self) -> None:
