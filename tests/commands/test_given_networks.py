@@ -93,8 +93,8 @@ def test_how_networks_are_trained_is_not_said_beside_one(network, word):
     refuse_ignored(settings_of(), [word])
 
 
-@pytest.mark.parametrize("word", ["validation_gap_m=1", "calibration_seeds=[7]", "data.calibrate=[simulated:900050]",
-                                  "data={calibrate: [simulated:900050]}"])  # fmt: skip
+@pytest.mark.parametrize("word", ["validation_gap_m=1", "calibration_seeds=[7]", "calibration_given=map",
+                                  "data.calibrate=[simulated:900050]", "data={calibrate: [simulated:900050]}"])  # fmt: skip
 def test_how_weights_are_learned_counts_for_maps_that_learn_them(network, word):
     for usual in ([], ["mapper=[cvae-hm]"]):  # baselines of the default list have radii of their own, and no network
         with pytest.raises(InputError, match=f"^{key_of(word)}: expected none beside checkpoint=.*, which has its map's weights"):

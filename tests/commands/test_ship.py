@@ -162,11 +162,11 @@ def test_of_several_sites_fewer_gap_seeds_may_do(folder, trained, monkeypatch, c
 def test_a_network_for_maps_has_weights_that_are_learned_on_maps(folder, trained, monkeypatch):
     learned, learn = [], ship.learn_rank_weights
     monkeypatch.setattr(ship, "learn_rank_weights", lambda *sites, **how: (learned.append(how["given"]), learn(*sites, **how))[1])
-    assert main(["2d", "--checkpoint", str(trained), "--given", "map"]) == 0
-    assert learned == ["map"] and Reconstructor.load("2d").card[KEY]["given"] == "map"
+    assert main(["2d", "--checkpoint", str(trained), "--calibration-given", "map"]) == 0
+    assert learned == ["map"] and Reconstructor.load("2d").card[KEY]["calibration_given"] == "map"
     assert main(["2d", "--checkpoint", "2d"]) == 0 and learned[1] == "map"  # as its card says
     with pytest.raises(SystemExit, match="2"):
-        main(["2d", "--checkpoint", "2d", "--given", "maps"])
+        main(["2d", "--checkpoint", "2d", "--calibration-given", "maps"])
 
 
 def test_simulated_sites_are_made_as_in_the_training(folder, tmp_path, monkeypatch, room, capsys):

@@ -6,7 +6,6 @@ import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.formats import ReadingSettings
-from hilbertvae.scoring.protocol_settings import Protocol
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.training.learned_as import KEY, as_made, learned_as, settings_of
 from hilbertvae.training.settings import DataSettings, Settings
@@ -20,16 +19,16 @@ def test_a_card_brings_back_how_sites_were_made_and_weights_learned():
     found = settings_of(card, 3)
     assert found.source() == made.source() and found.calibration() == made.calibration()
     assert settings_of({}, 3) == Settings(dimension=3)
-    del card[KEY]["data"]["reading"], card[KEY]["given"]  # as in older cards
+    del card[KEY]["data"]["reading"], card[KEY]["calibration_given"]  # as in older cards
     assert settings_of(card, 3).data.reading == ReadingSettings()
-    assert settings_of(card, 3).evaluation.given == "scans"
+    assert settings_of(card, 3).calibration_given == "scans"
 
 
 def test_a_card_says_whether_maps_were_given():
-    card = {KEY: learned_as(Settings(evaluation=Protocol(given="map")))}
+    card = {KEY: learned_as(Settings(calibration_given="map"))}
     assert settings_of(card, 2).calibration()["given"] == "map"
-    card[KEY]["given"] = "maps"
-    with pytest.raises(InputError, match="card.learned_as.given: expected one of scans, map, got 'maps'"):
+    card[KEY]["calibration_given"] = "maps"
+    with pytest.raises(InputError, match="card.learned_as.calibration_given: expected one of scans, map, got 'maps'"):
         settings_of(card, 2)
 
 

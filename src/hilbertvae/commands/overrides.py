@@ -13,7 +13,7 @@ OF_A_NETWORK = ("network", "grid", "start", "likelihood", "calibration_occupied_
 """Settings that lie in the file of a network."""
 OF_RAW_GRIDS = ("grid", "start")
 """Those that maps of raw grids take from the run, where it has no network, or several."""
-OF_ITS_WEIGHTS = ("validation_gap_m", "calibration_seeds", "data.calibrate")
+OF_ITS_WEIGHTS = ("validation_gap_m", "calibration_seeds", "calibration_given", "data.calibrate")
 """Settings of how a map's weights are learned, which lie there too and count for maps that need others."""
 LEARN_ANEW = {"neighbours", "inner_radius_m", "resolution_m"}
 """Settings of a map that has weights of its own learned, if they are not as its network's were (`training/scoring.py`)."""

@@ -39,7 +39,7 @@ def ship(
     calibrate: Sequence[str] = (),
     occupied_weight: float | None = None,
     calibration_seeds: Sequence[int] = (),
-    given: str | None = None,
+    calibration_given: str | None = None,
 ) -> Path:
     """Pack the network of `checkpoint`, learn its map's weights with it as packed, and write it where `load_mapper(name)` looks.
 
@@ -49,7 +49,7 @@ def ship(
     weights is added to its own. calibrate: the sites that the map's weights are learned on, if not those of its training.
     occupied_weight: what an occupied point counts for in the weights for points, which says where the cuts lie between precision and
     recall; as in those that the checkpoint has, unless given. calibration_seeds: the gap seeds that they are learned with, of several
-    sites fewer than of one. given: what its maps will be given, `scans` or `map` (`Protocol.given`), and so these weights are learned from.
+    sites fewer than of one. calibration_given: what maps are given where they are learned, `scans` or `map` (`Protocol.given`).
     Else simulated sites are made, and gaps cut, as in its training, if its card says how, or by default."""
     if occupied_weight is not None:
         check_occupied_weight(occupied_weight, "--occupied-weight")
@@ -69,9 +69,9 @@ def ship(
     if calibration_seeds:
         known = replace(known, calibration_seeds=list(calibration_seeds))
         trained = replace(trained, card={**trained.card, KEY: learned_as(known)})
-    if given:
-        check_given(given, "--given")
-        known = replace(known, evaluation=replace(known.evaluation, given=given))
+    if calibration_given:
+        check_given(calibration_given, "--calibration-given")
+        known = replace(known, calibration_given=calibration_given)
         trained = replace(trained, card={**trained.card, KEY: learned_as(known)})
     with tempfile.TemporaryDirectory() as folder:
         packed = Reconstructor.load(replace(trained, map_weights={}).save(Path(folder) / "packed.safetensors", packed=True))
@@ -116,14 +116,16 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument(
         "--calibration-seeds", nargs="+", type=int, default=[], help="gap seeds that they are learned with, if not as in its training"
     )
-    parser.add_argument("--given", choices=GIVEN, help="what its maps will be given, if not as in its training")
+    parser.add_argument(
+        "--calibration-given", choices=GIVEN, help="what maps are given where those weights are learned, if not as in its training"
+    )
     parser.add_argument("--results", type=Path, nargs="*", default=[], help="result.json files that scored it, for its card")
-    asked = vars(parser.parse_args(words))
-    results = asked.pop("results")
+    given = vars(parser.parse_args(words))
+    results = given.pop("results")
     try:
-        if asked["checkpoint"]:
-            print(ship(**asked))
-        print(write_card(asked["name"], results))
+        if given["checkpoint"]:
+            print(ship(**given))
+        print(write_card(given["name"], results))
     except (InputError, OSError) as error:
         print(f"hilbertvae.commands.ship: {error}", file=sys.stderr)
         return 2

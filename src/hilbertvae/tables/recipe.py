@@ -9,7 +9,7 @@ from hilbertvae.checks import InputError
 
 PARTS = (
     "network", "grid", "likelihood", "augmentation", "clustering", "trainer", "data", "flips", "validation_gap_m", "calibration_seeds",
-    "calibration_occupied_weight", "mapper",
+    "calibration_given", "calibration_occupied_weight", "mapper",
 )  # fmt: skip
 ELSEWHERE = {
     "trainer": {"accelerator", "strategy", "threads"},

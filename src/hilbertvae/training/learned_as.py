@@ -7,21 +7,21 @@ from dataclasses import asdict
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.training_card import LEARNED_AS as KEY
 from hilbertvae.scans.formats import ReadingSettings
-from hilbertvae.scoring.protocol_settings import Protocol, check_given
+from hilbertvae.scoring.protocol_settings import check_given
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.site import SIMULATED, SiteSource
 from hilbertvae.training.settings import DataSettings, Settings
 from hilbertvae.training.site_roles import place
 
 OF_SITES = ("simulated_scans", "simulated_extent_m")
-OF_WEIGHTS = ("validation_gap_m", "calibration_seeds")
+OF_WEIGHTS = ("validation_gap_m", "calibration_seeds", "calibration_given")
 
 
 def learned_as(settings: Settings) -> dict:
     """What a card keeps of `settings`, as plain values."""
     made = {name: asdict(getattr(settings.data, name)) for name in ("street", "reading")}
     data = made | {key: getattr(settings.data, key) for key in OF_SITES}
-    return {"data": data, "given": settings.evaluation.given} | {key: getattr(settings, key) for key in OF_WEIGHTS}
+    return {"data": data} | {key: getattr(settings, key) for key in OF_WEIGHTS}
 
 
 def settings_of(card: dict, dimension: int) -> Settings:
@@ -32,9 +32,9 @@ def settings_of(card: dict, dimension: int) -> Settings:
         data = card[KEY]["data"]
         reading = ReadingSettings(**data.get("reading", {}))  # older cards lack it
         data = DataSettings(street=StreetSettings(**data["street"]), reading=reading, **{key: data[key] for key in OF_SITES})
-        evaluation = Protocol(given=card[KEY].get("given", "scans"))  # older cards lack it
-        check_given(evaluation.given, f"card.{KEY}.given")
-        return Settings(dimension=dimension, data=data, evaluation=evaluation, **{key: card[KEY][key] for key in OF_WEIGHTS})
+        how = {"calibration_given": "scans"} | card[KEY]  # older cards lack it
+        check_given(how["calibration_given"], f"card.{KEY}.calibration_given")
+        return Settings(dimension=dimension, data=data, **{key: how[key] for key in OF_WEIGHTS})
     except (KeyError, TypeError) as error:
         raise InputError(f"card.{KEY}: expected what a training of this version keeps there, got {card[KEY]!r:.60} ({error})") from error
 

@@ -15,7 +15,7 @@ from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, check_occupied_weight
 from hilbertvae.reconstruction.settings import AugmentationSettings, GatedNetworkSettings, LikelihoodSettings
 from hilbertvae.reconstruction.symmetry import check_flips
 from hilbertvae.scans.formats import ReadingSettings
-from hilbertvae.scoring.protocol_settings import Protocol
+from hilbertvae.scoring.protocol_settings import Protocol, check_given
 from hilbertvae.simulate.building import MOST_EXTENT_M, BuildingSettings
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.site import SIMULATED, SiteSource
@@ -162,6 +162,8 @@ class Settings:
     """Diameter of the gaps on the validation site that the best weights are chosen with, and the Hilbert Map's are learned from."""
     calibration_seeds: list[int] = field(default_factory=lambda: [100, 101, 102, 103, 104])
     """Gap seeds on the validation site that the Hilbert Map's `rank` weights are learned from; not those that it is scored on."""
+    calibration_given: str = "scans"
+    """What maps are given where those weights are learned, as `evaluation.given` has it for scores: `scans` or `map`."""
     calibration_occupied_weight: float = OCCUPIED_WEIGHT
     """How many points one that is occupied counts for, where those weights are learned on points; 1 is the paper's Eq. 15."""
     flips: int | None = None
@@ -210,7 +212,7 @@ class Settings:
             "gap_diameter_m": self.validation_gap_m,
             "seeds": self.calibration_seeds,
             "occupied_weight": self.calibration_occupied_weight,
-            "given": self.evaluation.given,
+            "given": self.calibration_given,
         }
 
     def check(self) -> None:
@@ -237,6 +239,7 @@ class Settings:
         check_seeds(self.calibration_seeds, "calibration_seeds")
         check_positive(self.scoring_processes, "scoring_processes")
         check_positive(self.validation_gap_m, "validation_gap_m")
+        check_given(self.calibration_given, "calibration_given")
         check_occupied_weight(self.calibration_occupied_weight, "calibration_occupied_weight")
         check_flips(self.flips)
         if self.device != "auto":
