@@ -144,6 +144,23 @@ def test_no_cell_of_a_turned_box_within_a_map_is_left_without_a_point(yaw, turne
     assert len(np.unique(within, axis=0)) == 17 * 17
 
 
+@settings(max_examples=30)
+@given(cell_m=st.sampled_from([0.05, 0.1, 0.15, 0.2]), shift=st.floats(0, 0.2), yaw=st.sampled_from([0.0, 0.0, 0.7]))
+def test_a_split_voxel_gives_no_label_to_another(cell_m, shift, yaw):
+    """Else a wall in cells that lie between voxels would be twice as thick."""
+    side = round(2 / cell_m)
+    sides = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
+    index = np.stack(np.meshgrid(*[np.arange(side)] * 2), axis=-1).reshape(-1, 2)
+    cells = ((index + 0.5) * cell_m + shift) @ sides, index[:, 0] == side // 2, cell_m, 0.1, sides
+    split = cloud_of_cells(*cells)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(observed_map, "PIECES", {2: 1})
+        whole = cloud_of_cells(*cells)
+    of_split, of_whole = ({(*np.floor(p / 0.1), label) for p, label in zip(c.points, c.occupied, strict=True)} for c in (split, whole))
+    assert of_split == of_whole
+    np.testing.assert_allclose(split.weight.sum(), whole.weight.sum())
+
+
 def test_a_map_too_large_to_be_split_stays_whole(monkeypatch):
     monkeypatch.setattr(observed_map, "MOST_PIECES", 7)
     centres = (np.array([[3, 4], [-1, 0]]) + 0.5) * 0.1

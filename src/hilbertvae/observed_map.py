@@ -18,6 +18,7 @@ from PIL import Image
 from hilbertvae.checks import InputError, check_cell_m, check_positive
 from hilbertvae.cloud import Cloud, labelled_voxels
 from hilbertvae.scans.file_points import check_fits, named, reading
+from hilbertvae.voxel_votes import voxel_index
 
 OCCUPIED_PIXEL, FREE_PIXEL, UNKNOWN_PIXEL = 0, 254, 205
 """What map savers write."""
@@ -47,8 +48,9 @@ def cloud_of_cells(
     """The cells of a map as labelled points.
 
     centres: (N, D) metres, map frame; occupied: (N,) bool. resolution_m: the voxel of the mapper that gets the cloud: cells that are
-    larger than a piece of it (`PIECES`) are split, so that no voxel in them is left without a point, nor a cell of a turned box. A voxel
-    counts for `CELL_WEIGHT`, however many points it has. sides: (D, D), rows of unit vectors along the cells' sides; the axes unless given.
+    larger are split into as many points as it takes to leave no voxel in them without one, and each voxel with a point into `PIECES`, which
+    leave no cell of a turned box without one. A voxel counts for `CELL_WEIGHT`, however many points it has. sides: (D, D), unit vectors
+    along the cells' sides; the axes unless given.
     Raises `InputError` for more than 2^27 points.
     """
     dimension = centres.shape[1]
@@ -56,14 +58,10 @@ def cloud_of_cells(
     turned = np.abs(sides).max(axis=1).min() < 1 - 1e-12
     longest = cell_m * (math.sqrt(dimension) if turned else 1)
     parts = 1 if resolution_m is None else math.ceil(longest / check_positive(resolution_m, "resolution_m") - 1e-6)
-    finer = 1 if resolution_m is None else math.ceil(PIECES[dimension] * longest / resolution_m - 1e-6)
-    if len(centres) * finer**dimension <= MOST_PIECES:
-        parts = finer
     if len(centres) * parts**dimension > MOST_CELLS:
         raise InputError(f"resolution_m: {len(centres)} cells of {cell_m:g} m would be more than {MOST_CELLS} points at {resolution_m:g} m")
     if parts > 1:
-        along = (np.arange(parts) + 0.5) / parts - 0.5
-        steps = np.stack(np.meshgrid(*[along * cell_m] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+        steps = _grid((np.arange(parts) + 0.5) / parts - 0.5, dimension) * cell_m
         centres = (centres[:, None] + steps @ sides).reshape(-1, dimension)
         occupied = np.repeat(occupied, len(steps))
     if not turned and len(centres):
@@ -71,8 +69,20 @@ def cloud_of_cells(
         voxel_m = resolution_m or cell_m
         phase = centres[0] / voxel_m
         centres = centres + np.where(np.abs(phase - np.rint(phase)) < ON_SIDE, 2 * ON_SIDE * voxel_m, 0.0)
-    piece = min(1.0, cell_m / parts / (resolution_m or cell_m))  # of a voxel's side
-    return Cloud(centres, occupied, np.full(len(centres), CELL_WEIGHT * piece**dimension))
+    apart = min(1.0, cell_m / parts / (resolution_m or cell_m))  # of a voxel's side
+    weight = CELL_WEIGHT * apart**dimension
+    pieces = 1 if resolution_m is None else math.ceil(PIECES[dimension] * apart - 1e-6)
+    if pieces > 1 and len(centres) * pieces**dimension <= MOST_PIECES:
+        # Of the voxel that a point lies in, and not of its cell: this may reach into the next one, and a wall's would be in both.
+        within = (_grid((np.arange(pieces) + 0.5) / pieces, dimension) * resolution_m)[None]
+        centres = (voxel_index(centres, resolution_m)[:, None] * resolution_m + within).reshape(-1, dimension)
+        occupied, weight = np.repeat(occupied, pieces**dimension), weight / pieces**dimension
+    return Cloud(centres, occupied, np.full(len(centres), weight))
+
+
+def _grid(along: np.ndarray, dimension: int) -> np.ndarray:
+    """(n^D, D) the points of a grid with these coordinates on each axis."""
+    return np.stack(np.meshgrid(*[along] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
 
 
 def map_of(cloud: Cloud, resolution_m: float) -> Cloud:

@@ -84,7 +84,7 @@ def test_what_was_filled_is_told_once_when_it_is_read_and_what_was_not_is_not(tm
         with warnings.catch_warnings(record=True) as told:
             warnings.simplefilter("always")
             cloud = read_given_map(tmp_path / f"{name}.yaml").cloud(0.1)
-        assert len(cloud) == 2 + filled
+        assert len(np.unique(np.floor(cloud.points / 0.1), axis=0)) == 2 + filled
         assert [f"{name}_observed.yaml has what was" in str(warning.message) for warning in told] == [True] * filled
     for name, other in (("seen", "seen_observed"), ("seen_observed", "seen")):
         assert f"observed cells alone, as {other}.yaml" in (tmp_path / f"{name}.yaml").read_text().splitlines()[0]
