@@ -33,9 +33,9 @@ is a quarter of this) 0.037, 0.040, 0.052 and 0.070 for 4, 8, 16 and 32; on kitt
 MOST_YAML_BYTES = 1 << 16
 MOST_CELLS = 1 << 27
 PIECES = {2: 2, 3: 1}
-"""By dimension, into so many pieces a side of a mapper's voxel is split, at the least: of one point in a voxel a turned box's cells would
-often get none. In csail's gaps the AUC is 0.836 and 0.900 (two gap seeds) with one piece, 0.839 and 0.904 with two, and with three as
-with two; in kitti00_start's 0.915 and 0.914."""
+"""By dimension, into so many pieces a side of a mapper's voxel is split that a cell gives one point: of this alone a turned box's cells
+would often get none. In csail's gaps the AUC is 0.836 and 0.900 (two gap seeds) with one piece, 0.840 and 0.904 with two, and with three
+as with two; in kitti00_start's 0.915 and 0.914."""
 MOST_PIECES = 1 << 22
 """Points of a map beyond which voxels are not split, for memory's sake."""
 ON_SIDE = 1e-3

@@ -93,7 +93,8 @@ def _console_table(result: Result, reading: str, regions: tuple[str, ...]) -> Ta
 def heading(result: Result) -> str:
     """What was scored, in a line."""
     seeds = len(result.gap_seeds)
-    return f"{result.site} ({result.dimension}D), gaps of {result.gap_diameter_m:g} m, {seeds} gap seed{'s' if seeds > 1 else ''}"
+    given = ", given a map" if result.protocol.get("given") == "map" else ""
+    return f"{result.site} ({result.dimension}D){given}, gaps of {result.gap_diameter_m:g} m, {seeds} gap seed{'s' if seeds > 1 else ''}"
 
 
 LEGEND = (
