@@ -40,19 +40,34 @@ def test_where_it_ran_and_settings_of_another_version_make_no_other_row(tmp_path
     assert [*rows(tmp_path, here, there)["a"]] == [0, 1]
 
 
-@pytest.mark.parametrize("key", ["recipe_hash", "calibrated_on", "learned_as"])
-def test_networks_that_were_trained_by_other_recipes_are_no_row(tmp_path, key):
+@pytest.mark.parametrize(
+    ("said", "key", "other"),
+    [
+        ({"recipe_hash": "b"}, "recipe_hash", "'b'"),
+        ({"calibrated_on": ["lab"]}, "calibrated_on", r"\['lab'\]"),
+        ({"learned_as": {"calibration_seeds": [101]}}, "learned_as.calibration_seeds", r"\[101\]"),
+        ({"learned_as": {"calibration_seeds": [100], "calibration_given": "map"}}, "learned_as.calibration_given", "'map'"),
+    ],
+)
+def test_networks_that_were_trained_by_other_recipes_are_no_row(tmp_path, said, key, other):
     """Where a run is given its network, how that was trained is no setting of the run."""
-    for seed, more in ((0, {}), (1, {key: ["another"]})):
+    for seed, more in ((0, {}), (1, said)):
         card = {"recipe_hash": "a", "calibrated_on": ["hall"], "learned_as": {"calibration_seeds": [100]}, "epoch": seed} | more
         about = {"seeds": {"training": seed}, "card": card}
         put(tmp_path, f"a-seed{seed}", {"nearest": [0.1, 0.2]}, config={"checkpoint": "a.safetensors"}, about=about)
-    with pytest.raises(InputError, match=rf"a-seed1/result.json: card.{key}: \['another'\], but "):
+    with pytest.raises(InputError, match=rf"a-seed1/result.json: card.{key}: {other}, but "):
         grouped(read_sweep(tmp_path, "table1").runs, lambda run: "a")
 
 
+CARDS = (
+    {"recipe_hash": "a", "epoch": 3, "learned_as": {"calibration_seeds": [100], "calibration_given": "scans"}},
+    {"recipe_hash": "a", "epoch": 4, "learned_as": {"calibration_seeds": [100]}},  # from before maps could be given
+    {"epoch": 5},
+)
+
+
 def test_cards_of_one_recipe_and_those_that_say_nothing_of_it_are_a_row(tmp_path):
-    for seed, card in enumerate(({"recipe_hash": "a", "epoch": 3}, {"recipe_hash": "a", "epoch": 4}, {"epoch": 5})):
+    for seed, card in enumerate(CARDS):
         about = {"seeds": {"training": seed}, "card": card}
         put(tmp_path, f"a-seed{seed}", {"nearest": [0.1, 0.2]}, config={"checkpoint": "a.safetensors"}, about=about)
     assert [*grouped(read_sweep(tmp_path, "table1").runs, lambda run: "a")["a"]] == [0, 1, 2]

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.training_card import LEARNED_AS, OLDER
 
 PARTS = (
     "network", "grid", "likelihood", "augmentation", "clustering", "trainer", "data", "flips", "validation_gap_m", "calibration_seeds",
@@ -18,7 +19,7 @@ ELSEWHERE = {
 """Where things lie and what computes; sites that are scored have a table each."""
 
 
-OF_A_CARD = ("recipe_hash", "calibrated_on", "learned_as")
+OF_A_CARD = ("recipe_hash", "calibrated_on", LEARNED_AS)
 """What the card of a network that another run trained says of how; its settings are not in this run's configuration."""
 
 
@@ -36,7 +37,18 @@ def _facts(about: dict) -> Iterator[tuple[str, Any]]:
     yield from ((f"config.{key}", value) for key, value in _flat(about["config"]))
     card = about.get("card")
     if isinstance(card, dict):
-        yield from ((f"card.{key}", card[key]) for key in OF_A_CARD if key in card)
+        for key in OF_A_CARD:
+            said = card.get(key)
+            yield from _leaves(f"card.{key}", OLDER | said if key == LEARNED_AS and isinstance(said, dict) else said)
+
+
+def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """A card's nested settings one by one, so that one which older cards lack is not compared."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _leaves(f"{name}.{key}", inner)
+    elif value is not None:
+        yield name, value
 
 
 def _flat(config: dict) -> Iterator[tuple[str, Any]]:

@@ -6,6 +6,7 @@ from dataclasses import asdict
 
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.training_card import LEARNED_AS as KEY
+from hilbertvae.reconstruction.training_card import OLDER
 from hilbertvae.scans.formats import ReadingSettings
 from hilbertvae.scoring.protocol_settings import check_given
 from hilbertvae.simulate.street import StreetSettings
@@ -32,7 +33,7 @@ def settings_of(card: dict, dimension: int) -> Settings:
         data = card[KEY]["data"]
         reading = ReadingSettings(**data.get("reading", {}))  # older cards lack it
         data = DataSettings(street=StreetSettings(**data["street"]), reading=reading, **{key: data[key] for key in OF_SITES})
-        how = {"calibration_given": "scans"} | card[KEY]  # older cards lack it
+        how = OLDER | card[KEY]
         check_given(how["calibration_given"], f"card.{KEY}.calibration_given")
         return Settings(dimension=dimension, data=data, **{key: how[key] for key in OF_WEIGHTS})
     except (KeyError, TypeError) as error:
