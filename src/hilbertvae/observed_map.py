@@ -38,6 +38,8 @@ would often get none. In csail's gaps the AUC is 0.836 and 0.900 (two gap seeds)
 as with two; in kitti00_start's 0.915 and 0.914."""
 MOST_PIECES = 1 << 22
 """Points of a map beyond which voxels are not split, for memory's sake."""
+FINE = 2
+"""Cells of a fine map along a voxel's side: most maps for robots have cells of 0.05 m."""
 ON_SIDE = 1e-3
 """Of a voxel: points nearer than this to a side of the mapper's voxels are moved off it, all of a map's alike."""
 
@@ -85,10 +87,13 @@ def _grid(along: np.ndarray, dimension: int) -> np.ndarray:
     return np.stack(np.meshgrid(*[along] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
 
 
-def map_of(cloud: Cloud, resolution_m: float) -> Cloud:
-    """What is read of a map that says what a `fit_cloud` says, in cells of its voxels: of each a label, and nothing of its votes."""
-    cells = labelled_voxels(cloud, resolution_m)
-    return cloud_of_cells(cells.points, cells.occupied, resolution_m, resolution_m)
+def map_of(cloud: Cloud, cell_m: float, resolution_m: float) -> Cloud:
+    """What is read of a map that says what the `fit_cloud` of voxels of `cell_m` says: of each a label, and nothing of its votes.
+
+    resolution_m: the voxel of the mapper that gets it (`cloud_of_cells`).
+    """
+    cells = labelled_voxels(cloud, cell_m)
+    return cloud_of_cells(cells.points, cells.occupied, cell_m, resolution_m)
 
 
 @dataclass(frozen=True)

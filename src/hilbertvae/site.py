@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import RESOLUTION_M, Cloud, points_cloud, thinned_cloud, voted_cloud
+from hilbertvae.cloud import RESOLUTION_M, Cloud, fit_cloud, points_cloud, thinned_cloud, voted_cloud
 from hilbertvae.files import files_at, hash_of, path_sha256
 from hilbertvae.ground import Ground, find_ground
 from hilbertvae.last_few import LastFew
+from hilbertvae.observed_map import FINE
 from hilbertvae.scans.formats import ReadingSettings, is_scan_path, read_scans_path
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.sites import find_site, read_site, site_path
@@ -61,6 +62,11 @@ class Site:
     def fit(self) -> Cloud:
         """The `fit` cloud without each tenth beam: what every mapper is given."""
         return thinned_cloud(self._fitted_votes)
+
+    @cached_property
+    def fine_fit(self) -> Cloud:
+        """The `fit` cloud in voxels `FINE` times as fine: what a map with such cells is made of."""
+        return fit_cloud(self.scans.select(~self.scans.held_out()), self.resolution_m / FINE)
 
     @cached_property
     def voxels(self) -> Cloud:

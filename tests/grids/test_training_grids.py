@@ -95,22 +95,31 @@ def test_as_many_clusterings_are_occluded_as_asked(room, monkeypatch):
 
 @pytest.mark.parametrize("occluded", [0.0, 1.0])
 def test_a_mapped_clustering_is_shown_what_a_map_would_say(place, occluded):
-    """Cells with one label each, whatever their votes and where these lie; the target is still all that scans know."""
+    """Cells with one label each, whatever their votes and where these lie; the target is still all that scans know. Cells are as large as
+    voxels or half as large, and these are read in voxels of their own, or not."""
     grid, res = replace(tiny_grid(place.dimension), frame=FrameSettings(rotation="spread")), place.resolution_m
     how = ClusteringSettings(1, [1.0, 1.5], occluded, mapped_share=1.0, turn=False)
-    shown, target = training_grids(place.scans, res, grid, how, 3, detailed=True)
-    whole = fit_cloud(place.scans, res)
-    if occluded:
-        cells = voxel_cloud(place.scans.select(random_occlusion(place.scans, 3)), res)
-    else:
-        cells = random_gaps(whole, (1.0, 1.5), res, 3).cut(voxel_cloud(place.scans, res))
-    read = cloud_of_cells(cells.points, cells.occupied, res, res)
-    frames = find_frames(read, grid, 3)
-    np.testing.assert_array_equal(shown, bin_detailed(read, frames, grid))
-    np.testing.assert_array_equal(target, bin_grids(placed_as(whole, cells, res), frames, grid))
-    known = shown[:, 0] != 0
-    assert known.any() and (target[known] != 0).mean() > 0.5 and ((target != 0) & ~known).any()
-    assert shown[:, 1:3].max() <= count_code(np.array([CELL_WEIGHT * 4]))[0]  # of a turned box's cell, at most the points of four voxels
+    whole, kinds = fit_cloud(place.scans, res), [(1, 1), (2, 1), (2, 2)]
+    found = set()
+    for seed in range(3, 9):
+        shown, target = training_grids(place.scans, res, grid, how, seed, detailed=True)
+        seen = place.scans.select(random_occlusion(place.scans, seed)) if occluded else place.scans
+        cut = (lambda cells: cells) if occluded else random_gaps(whole, (1.0, 1.5), res, seed).cut
+        for parts, per_voxel in kinds:
+            cells = cut(voxel_cloud(seen, res / parts))
+            read = cloud_of_cells(cells.points, cells.occupied, res / parts, res / per_voxel)
+            frames = find_frames(read, grid, seed)
+            if len(frames) == len(shown) and np.array_equal(bin_detailed(read, frames, grid), shown):
+                found.add((parts, per_voxel))
+                np.testing.assert_array_equal(target, bin_grids(placed_as(whole, cut(voxel_cloud(seen, res)), res), frames, grid))
+                break
+        else:
+            raise AssertionError(f"seed {seed}: shows what no map says")
+        known = shown[:, 0] != 0
+        assert known.any() and (target[known] != 0).mean() > 0.5 and ((target != 0) & ~known).any()
+        most = CELL_WEIGHT * (2 * per_voxel) ** place.dimension  # of a turned box's cell, at most the points of so many voxels
+        assert shown[:, 1:3].max() <= count_code(np.array([most]))[0]
+    assert len(found) > 1
 
 
 def test_as_many_clusterings_are_mapped_as_asked(room, monkeypatch):

@@ -115,7 +115,7 @@ def test_maps_of_maps_learn_from_maps(place):
     learned = [learn_rank_weights(mapper, [place], 1.2, [100], given=given) for mapper, given in ((of_scans, "scans"), (of_map, "map"))]
     assert learned[0] != learned[1]
     for scans, given in zip(of_scans.given, of_map.given, strict=True):
-        expected = map_of(Cloud(*scans), place.resolution_m)
+        expected = map_of(Cloud(*scans), place.resolution_m, place.resolution_m)
         np.testing.assert_array_equal(given[0], expected.points)
         np.testing.assert_array_equal(given[2], expected.weight)
     for ours, theirs in zip(of_scans.asked, of_map.asked, strict=True):

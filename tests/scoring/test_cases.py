@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from hilbertvae.cloud import voxel_cloud
 from hilbertvae.gaps import INSIDE, OUTSIDE, random_gaps
 from hilbertvae.ground import ABOVE_GROUND_M
+from hilbertvae.observed_map import cloud_of_cells
 from hilbertvae.scoring import cases
-from hilbertvae.scoring.cases import gap_case
+from hilbertvae.scoring.cases import gap_case, occluded_parts, occlusion_case
 
 
 def part_of(site, gaps, reading, region):
@@ -50,3 +52,17 @@ def test_above_ground_is_higher_than_forty_centimetres(box):
     for region in ("observed", "gaps"):
         chosen = asked.regions[region]
         np.testing.assert_array_equal(asked.regions[f"{region}-above-ground"], chosen[above[chosen]])
+
+
+def test_a_fine_map_has_cells_half_as_large_as_voxels(place):
+    """Of what fitted beams saw outside the gaps, or of what those of scans that are kept saw."""
+    res, gaps = place.resolution_m, random_gaps(place.fit, 1.2, place.resolution_m, 0)
+    shown = [(gap_case(place, gaps, "fine-map"), place.scans, gaps.cut)]
+    for region, kept in occluded_parts(place.scans, 0).items():
+        shown.append((occlusion_case(place, region, kept, "fine-map"), place.scans.select(kept), lambda cells: cells))
+    for case, scans, cut in shown:
+        cells = cut(voxel_cloud(scans.select(~scans.held_out()), res / 2))
+        expected = cloud_of_cells(cells.points, cells.occupied, res / 2, res)
+        for name in ("points", "occupied", "weight"):
+            np.testing.assert_array_equal(getattr(case.shown, name), getattr(expected, name))
+        assert len(cells) > 1.5 * len(cut(voxel_cloud(scans.select(~scans.held_out()), res)))

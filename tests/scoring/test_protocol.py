@@ -19,6 +19,7 @@ from hilbertvae.scoring import cases
 from hilbertvae.scoring.cases import gap_case
 from hilbertvae.scoring.metrics import ERROR_METRICS, METRICS, error_ranking, score
 from hilbertvae.scoring.protocol import Protocol, cut_site, evaluate, evaluate_all
+from hilbertvae.scoring.protocol_settings import GIVEN
 from hilbertvae.site import Site
 
 QUICK = Protocol(gap_seeds=[0, 3], gap_ratio=0.5, cluster_size_m=3.0, occlusion=False)
@@ -60,16 +61,18 @@ def test_removed_points_and_held_out_beams_are_never_shown(place):
 
 
 def test_mappers_may_be_given_what_a_map_says(place):
-    """Of the same gaps, and asked the same."""
-    of_scans, of_map = Spy(), Spy()
-    found = [evaluate(spy, place, replace(QUICK, given=given, occlusion=True)) for spy, given in ((of_scans, "scans"), (of_map, "map"))]
-    assert [result.protocol["given"] for result in found] == ["scans", "map"] and found[0].gaps == found[1].gaps
-    for (points, occupied, weight, _), (*given, _) in zip(of_scans.fits_, of_map.fits_, strict=True):
-        expected = map_of(Cloud(points, occupied, weight), place.resolution_m)
+    """Of the same gaps, and asked the same, with cells as large as voxels or half as large."""
+    spies = {given: Spy() for given in GIVEN}
+    found = [evaluate(spy, place, replace(QUICK, given=given, occlusion=True)) for given, spy in spies.items()]
+    assert [result.protocol["given"] for result in found] == [*GIVEN] and found[0].gaps == found[1].gaps == found[2].gaps
+    res, of_scans = place.resolution_m, spies["scans"]
+    for (points, occupied, weight, _), (*given, _) in zip(of_scans.fits_, spies["map"].fits_, strict=True):
+        expected = map_of(Cloud(points, occupied, weight), res, res)
         for ours, theirs in zip(given, (expected.points, expected.occupied, expected.weight), strict=True):
             np.testing.assert_array_equal(ours, theirs)
-    for ours, theirs in zip(of_scans.asked_, of_map.asked_, strict=True):
-        np.testing.assert_array_equal(ours, theirs)
+    for given in GIVEN[1:]:
+        for ours, theirs in zip(of_scans.asked_, spies[given].asked_, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
 
 
 def test_all_mappers_are_given_and_asked_the_same(room):
@@ -267,7 +270,7 @@ def test_times_are_kept(room):
         ({"gap_seeds": [1, 1]}, "evaluation.gap_seeds: expected one or more different seeds"),
         ({"gap_ratio": 0.0}, "evaluation.gap_ratio: expected a positive number"),
         ({"cluster_size_m": -5.0}, "evaluation.cluster_size_m: expected a positive number"),
-        ({"given": "maps"}, "evaluation.given: expected one of scans, map, got 'maps'"),
+        ({"given": "maps"}, "evaluation.given: expected one of scans, map, fine-map, got 'maps'"),
         ({"gap_ratio": 20.0, "centred": True}, "none fits into this site"),
     ],
 )

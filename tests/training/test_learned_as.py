@@ -28,7 +28,7 @@ def test_a_card_says_whether_maps_were_given():
     card = {KEY: learned_as(Settings(calibration_given="map"))}
     assert settings_of(card, 2).calibration()["given"] == "map"
     card[KEY]["calibration_given"] = "maps"
-    with pytest.raises(InputError, match="card.learned_as.calibration_given: expected one of scans, map, got 'maps'"):
+    with pytest.raises(InputError, match="card.learned_as.calibration_given: expected one of scans, map, fine-map, got 'maps'"):
         settings_of(card, 2)
 
 

@@ -65,7 +65,7 @@ def test_simulated_sites_follow_the_first():
         ({"trainer": TrainerSettings(accelerator="gpo")}, "trainer.accelerator: expected one of auto, cpu, gpu, cuda, mps, got 'gpo'"),
         ({"calibration_seeds": []}, "calibration_seeds: expected one or more different seeds from 0 on"),
         ({"calibration_seeds": [-1]}, "calibration_seeds"),
-        ({"calibration_given": "maps"}, "calibration_given: expected one of scans, map, got 'maps'"),
+        ({"calibration_given": "maps"}, "calibration_given: expected one of scans, map, fine-map, got 'maps'"),
         ({"calibration_occupied_weight": 0.0}, "calibration_occupied_weight: expected a positive number, got 0.0"),
         ({"calibration_occupied_weight": 1e300}, "calibration_occupied_weight: expected from 0.001 to 1000"),
         ({"trainer": TrainerSettings(kl_warmup_share=3.0)}, "trainer.kl_warmup_share: expected a share from 0.2 to 1, got 3.0"),

@@ -49,7 +49,7 @@ def ship(
     weights is added to its own. calibrate: the sites that the map's weights are learned on, if not those of its training.
     occupied_weight: what an occupied point counts for in the weights for points, which says where the cuts lie between precision and
     recall; as in those that the checkpoint has, unless given. calibration_seeds: the gap seeds that they are learned with, of several
-    sites fewer than of one. calibration_given: what maps are given where they are learned, `scans` or `map` (`Protocol.given`).
+    sites fewer than of one. calibration_given: what maps are given where they are learned, `scans`, `map` or `fine-map` (`Protocol.given`).
     Else simulated sites are made, and gaps cut, as in its training, if its card says how, or by default."""
     if occupied_weight is not None:
         check_occupied_weight(occupied_weight, "--occupied-weight")

@@ -10,7 +10,7 @@ from hilbertvae.checks import InputError, check_share
 from hilbertvae.cloud import FREE_POINT_M, Cloud, fit_cloud, labelled_voxels, placed_as
 from hilbertvae.gaps import NoRoom, is_range, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, bin_voted, find_frames
-from hilbertvae.observed_map import map_of
+from hilbertvae.observed_map import FINE, map_of
 from hilbertvae.occlusions import random_occlusion
 from hilbertvae.scans.scan import Scans
 
@@ -25,7 +25,8 @@ class ClusteringSettings:
     occluded_share: float = 0.0
     """Share of the clusterings that are shown a site that was scanned less (`occlusions.py`) instead of one with gaps."""
     mapped_share: float = 0.0
-    """Share of the clusterings that are shown what an existing map would say instead: labels of cells alone (`observed_map.py`)."""
+    """Share of the clusterings that are shown what an existing map would say instead: labels of cells alone (`observed_map.py`), which are
+    as large as voxels or half as large, each by one chance in two."""
     turn: bool = True
     """Each clustering but the first turns the site about the vertical by a random angle."""
 
@@ -65,16 +66,23 @@ def training_grids(
     rng = np.random.default_rng([seed, 0x9A15])
     if clustering.turn:
         scans = turned(scans, rng.uniform(0, 2 * np.pi))
-    whole = fit_cloud(scans, resolution_m)
-    cloud = whole
+    whole = cloud = fit_cloud(scans, resolution_m)
+    gaps = None
     if rng.random() < clustering.occluded_share:
-        cloud = fit_cloud(scans.select(random_occlusion(scans, seed)), resolution_m)
+        scans = scans.select(random_occlusion(scans, seed))
+        cloud = fit_cloud(scans, resolution_m)
         whole = placed_as(whole, cloud, resolution_m)  # or a turned box would take for hidden what is shown a cell further
     elif clustering.gap_diameter_m:
-        cloud = random_gaps(whole, tuple(clustering.gap_diameter_m), resolution_m, seed).cut(whole)
+        gaps = random_gaps(whole, tuple(clustering.gap_diameter_m), resolution_m, seed)
+        cloud = gaps.cut(whole)
     if rng.random() < clustering.mapped_share:
         whole = placed_as(whole, labelled_voxels(cloud, resolution_m), resolution_m)
-        cloud = map_of(cloud, resolution_m)
+        cell_m = resolution_m / rng.choice([1, FINE])
+        voxel_m = rng.choice([cell_m, resolution_m])  # a map is filled in its own cells, unless asked for in others
+        if cell_m < resolution_m:
+            cloud = fit_cloud(scans, cell_m)
+            cloud = gaps.cut(cloud) if gaps else cloud
+        cloud = map_of(cloud, cell_m, voxel_m)
     frames = find_frames(cloud, grid, seed)
     target = bin_voted(whole, frames, grid, resolution_m / FREE_POINT_M) if voted else bin_grids(whole, frames, grid)
     return bin_shown(cloud, frames, grid, detailed), target

@@ -47,7 +47,7 @@ from hilbertvae.reports.slice_pictures import slice_picture
 from hilbertvae.reports.surface_pictures import close_up_picture, site_view_picture
 from hilbertvae.reports.tensorboard import scores_writer, site_tag, write_tensorboard
 from hilbertvae.reports.uncertainty_pictures import uncertainty_picture
-from hilbertvae.scoring.cases import as_given
+from hilbertvae.scoring.cases import given_cloud
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 
@@ -150,7 +150,7 @@ class Report:
         scored = {name: mapper for name, mapper in mappers.items() if name in result.scores}  # one that failed would fail again
         ours = next((name for name, m in scored.items() if isinstance(getattr(m, "reconstructor", None), Reconstructor)), None)
         rival = next((name for name in RIVALS if name in scored), None)
-        shown = as_given(gaps.cut(site.fit), site.resolution_m, result.protocol.get("given", "scans"))
+        shown = given_cloud(site, result.protocol.get("given", "scans"), gaps)
 
         def fit(name: str, other: Mapper | None = None) -> Mapper:
             mapper = scored[name]

@@ -90,11 +90,20 @@ def _console_table(result: Result, reading: str, regions: tuple[str, ...]) -> Ta
     return table
 
 
+GIVEN = {"map": ", given a map", "fine-map": ", given a map of half cells"}
+"""Beside the site's name, where mappers were not given its scans."""
+
+
+def told_given(protocol: dict) -> str:
+    """What mappers were given of the site, where that was not its scans, as more words."""
+    return GIVEN.get(protocol.get("given", "scans"), "")
+
+
 def heading(result: Result) -> str:
     """What was scored, in a line."""
     seeds = len(result.gap_seeds)
-    given = ", given a map" if result.protocol.get("given") == "map" else ""
-    return f"{result.site} ({result.dimension}D){given}, gaps of {result.gap_diameter_m:g} m, {seeds} gap seed{'s' if seeds > 1 else ''}"
+    place = f"{result.site} ({result.dimension}D){told_given(result.protocol)}"
+    return f"{place}, gaps of {result.gap_diameter_m:g} m, {seeds} gap seed{'s' if seeds > 1 else ''}"
 
 
 LEGEND = (

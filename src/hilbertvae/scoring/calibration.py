@@ -16,7 +16,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.newton_logistic import logistic_weights
 from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, RankWeights, fit_rank_weights
 from hilbertvae.progress import track
-from hilbertvae.scoring.cases import as_given, occluded_parts, occlusion_case
+from hilbertvae.scoring.cases import given_cloud, occluded_parts, occlusion_case
 from hilbertvae.site import Site
 
 MOST_QUERIES = 400_000
@@ -52,13 +52,12 @@ def learn_rank_weights(
         features = as_read[reading].fit_as(mapper).features(cloud.points[asked])
         gathered[reading].append((*features, cloud.occupied[asked]))
 
-    def show(cloud: Cloud, site: Site, seed: int) -> None:
-        shown = as_given(cloud, site.resolution_m, given)
+    def show(shown: Cloud, seed: int) -> None:
         mapper.set_params(seed=seed).fit(shown.points, shown.occupied, shown.weight)
 
     for site, seed in track(list(product(sites, seeds)), f"{LEARNING} from gaps", transient=True):
         gaps = random_gaps(site.fit, gap_diameter_m, site.resolution_m, seed)
-        show(gaps.cut(site.fit), site, seed)
+        show(given_cloud(site, given, gaps), seed)
         for reading, cloud, held_out in (
             ("points", site.points, site.points_held_out),
             ("voxels", site.voxels, site.voxels_held_out),
@@ -68,10 +67,10 @@ def learn_rank_weights(
     for site, region, kept, seed in track(
         _occlusions(sites, seeds) if occlusion else [], f"{LEARNING} from what is occluded", transient=True
     ):
-        case = site.remember((region, kept.tobytes()), partial(occlusion_case, site, region, kept))
+        case = site.remember((region, given, kept.tobytes()), partial(occlusion_case, site, region, kept, given))
         asked = case.asked["voxels"]
         if len(asked.points) and case.shown.occupied.any():
-            show(case.shown, site, seed)
+            show(case.shown, seed)
             gather("voxels", Cloud(asked.points, asked.occupied, np.ones(len(asked.points))), np.arange(len(asked.points)), seed)
     counts = {"points": occupied_weight, "voxels": 1.0}
     queries = {name: list(map(np.concatenate, zip(*portions, strict=True))) for name, portions in gathered.items()}

@@ -11,7 +11,7 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.cores import cores
 from hilbertvae.gaps import INSIDE, OUTSIDE, Gaps
 from hilbertvae.ground import ABOVE_GROUND_M
-from hilbertvae.observed_map import map_of
+from hilbertvae.observed_map import FINE, map_of
 from hilbertvae.scans.scan import Scans
 from hilbertvae.site import Site
 from hilbertvae.voxel_votes import voxel_index
@@ -41,12 +41,15 @@ class Case:
     asked: dict[str, Questions]
 
 
-def as_given(cloud: Cloud, resolution_m: float, given: str) -> Cloud:
-    """The cloud that is shown, as `given` says (`Protocol.given`)."""
-    return map_of(cloud, resolution_m) if given == "map" else cloud
+def given_cloud(site: Site, given: str, gaps: Gaps | None = None) -> Cloud:
+    """What a mapper is given of a site, without what gaps hide, as `given` says (`Protocol.given`)."""
+    fine = given == "fine-map"
+    cloud = site.fine_fit if fine else site.fit
+    shown = gaps.cut(cloud) if gaps else cloud
+    return shown if given == "scans" else map_of(shown, site.resolution_m / (FINE if fine else 1), site.resolution_m)
 
 
-def gap_case(site: Site, gaps: Gaps) -> Case:
+def gap_case(site: Site, gaps: Gaps, given: str = "scans") -> Case:
     """What held-out beams saw outside the gaps, what fitted beams saw there, and what the gaps removed."""
     asked = {}
     for reading, cloud, held_out, fitted in (
@@ -56,7 +59,7 @@ def gap_case(site: Site, gaps: Gaps) -> Case:
         part = gaps.part(cloud.points)
         regions = {"observed": held_out & (part == OUTSIDE), "fitted": fitted & (part == OUTSIDE), "gaps": part == INSIDE}
         asked[reading] = _questions(site, cloud, {name: np.flatnonzero(chosen) for name, chosen in regions.items()})
-    return Case(gaps.cut(site.fit), asked)
+    return Case(given_cloud(site, given, gaps), asked)
 
 
 def _questions(site: Site, cloud: Cloud, regions: dict[str, np.ndarray]) -> Questions:
@@ -91,10 +94,10 @@ def occluded_parts(scans: Scans, seed: int) -> dict[str, np.ndarray]:
     return {region: kept[region] for region, some in enough.items() if some and count >= 2}
 
 
-def occlusion_case(site: Site, region: str, kept: np.ndarray) -> Case:
+def occlusion_case(site: Site, region: str, kept: np.ndarray, given: str = "scans") -> Case:
     """What only the scans that are not `kept` saw, by distance from the nearest point of the kept ones (voxels)."""
     part = Site(site.name, site.scans.select(kept), site.resolution_m)
-    seen, shown = part.whole, part.fit
+    seen, shown = part.whole, given_cloud(part, given)
     every, known = voxel_keys(site.voxels.points, site), voxel_keys(part.voxels.points, site)
     hidden = np.flatnonzero(~np.isin(every, known, assume_unique=True))
     distance, _ = cKDTree(seen.points).query(site.voxels.points[hidden], distance_upper_bound=OCCLUSION_RANGE_M[1], workers=cores())

@@ -14,7 +14,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import LEAST_SHARE, Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.scoring.cases import Case, as_given, gap_case, occluded_parts, occlusion_case
+from hilbertvae.scoring.cases import Case, gap_case, occluded_parts, occlusion_case
 from hilbertvae.scoring.ceiling import ceiling
 from hilbertvae.scoring.metrics import error_ranking, precision_recall_curve, score
 from hilbertvae.scoring.protocol_settings import Protocol
@@ -64,14 +64,14 @@ def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, p
         every_gap.append({"seed": seed, "centres": gaps.centres.tolist(), "radius_m": gaps.radius_m.tolist(), "share": gaps.share})
         for mapper in mappers.values():
             _prepare(mapper, seed, gaps)
-        key = ("gap case", protocol.gap_diameter_m, protocol.centred, protocol.rim, seed)
-        cases = [site.remember(key, lambda gaps=gaps: gap_case(site, gaps))]
+        key = ("gap case", protocol.gap_diameter_m, protocol.centred, protocol.rim, protocol.given, seed)
+        cases = [site.remember(key, lambda gaps=gaps: gap_case(site, gaps, protocol.given))]
         if protocol.occlusion and not first.told_gaps:
             for region, kept in occluded_parts(site.scans, seed).items():
-                key = (region, kept.tobytes())
-                cases.append(site.remember(key, lambda region=region, kept=kept: occlusion_case(site, region, kept)))
+                key = (region, protocol.given, kept.tobytes())
+                cases.append(site.remember(key, lambda region=region, kept=kept: occlusion_case(site, region, kept, protocol.given)))
         for case in cases:
-            taken = _fit(first, as_given(case.shown, site.resolution_m, protocol.given))
+            taken = _fit(first, case.shown)
             for mapper in others:
                 mapper.fit_as(first)
             for name, mapper in mappers.items():

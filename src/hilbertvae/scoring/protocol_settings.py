@@ -8,7 +8,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_positive, check_seeds
 
-GIVEN = ("scans", "map")
+GIVEN = ("scans", "map", "fine-map")
 
 
 @dataclass
@@ -24,7 +24,8 @@ class Protocol:
     """Whether voxels that a gap's surface cuts are neither shown nor asked, as METHOD 7 has it. Without, their middles decide, and what is
     asked begins right beside what is shown: gaps are easier. For scores beside those of METHOD 4, whose gaps seem to be such."""
     given: str = "scans"
-    """What mappers are given of a site: `scans`, or `map`, what an existing map would say of them (`observed_map.map_of`)."""
+    """What mappers are given of a site: `scans`, or what an existing map would say of them (`observed_map.map_of`), with cells as large as
+    voxels (`map`) or half as large (`fine-map`), as most maps for robots have."""
     occlusion: bool = True
     """Also score real occlusion: what only the scans that were left out have seen."""
 

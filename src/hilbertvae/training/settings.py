@@ -163,7 +163,7 @@ class Settings:
     calibration_seeds: list[int] = field(default_factory=lambda: [100, 101, 102, 103, 104])
     """Gap seeds on the validation site that the Hilbert Map's `rank` weights are learned from; not those that it is scored on."""
     calibration_given: str = "scans"
-    """What maps are given where those weights are learned, as `evaluation.given` has it for scores: `scans` or `map`."""
+    """What maps are given where those weights are learned, as `evaluation.given` has it for scores: `scans`, `map` or `fine-map`."""
     calibration_occupied_weight: float = OCCUPIED_WEIGHT
     """How many points one that is occupied counts for, where those weights are learned on points; 1 is the paper's Eq. 15."""
     flips: int | None = None
