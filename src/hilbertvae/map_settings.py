@@ -19,7 +19,8 @@ class MapSettings(ReadingSettings):
     output: str | None = None
     """Folder to write to; `outputs/maps/<name of the scans>` unless given."""
     weights: str | None = None
-    """A network that comes with the package, or the `model.safetensors` of a training; `2d` or `3d`, as the data are, unless given."""
+    """A network that comes with the package, or the `model.safetensors` of a training; `2d` or `3d`, as the data are, and `2d-map` for
+    a map of 2D, unless given."""
     resolution_m: float | None = None
     """Side of the map's cells; the network's own (0.1 in 2D, 0.2 in 3D), or that of a map to be filled, unless given."""
     fill: bool = True

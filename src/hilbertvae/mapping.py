@@ -35,6 +35,7 @@ from hilbertvae.mappers.loading import load_mapper
 from hilbertvae.mappers.saved_map import ADAPTED, MAP, save_map
 from hilbertvae.mappers.weights import check_calibration
 from hilbertvae.reconstruction.precision import check_device
+from hilbertvae.reconstruction.shipped import network_for
 from hilbertvae.reports.provenance import made_by
 from hilbertvae.scans.formats import EXTENSIONS, ReadingSettings, read_scans_path
 from hilbertvae.scans.kitti import VELODYNE
@@ -56,7 +57,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     clock.start("read")
     source = _read(settings)
     exports = suiting_exports(settings.exports, source.dimension)
-    weights = settings.weights or f"{source.dimension}d"
+    weights = settings.weights or network_for(source.dimension, isinstance(source, GivenMap))
     beside = (*(source.files if isinstance(source, GivenMap) else ()), Path(weights))  # an earlier map's network may be what is given
     check = partial(check_output, output, Path(settings.scans), exports, by_name=not settings.output, beside=beside)
     check()

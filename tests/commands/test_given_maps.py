@@ -1,5 +1,7 @@
 """Maps of other tools that `hilbertvae-map` is given, in cells larger than a network's."""
 
+import json
+
 import numpy as np
 import octomap
 import pytest
@@ -27,6 +29,7 @@ def test_without_filling_a_given_map_is_what_comes_out(tmp_path, cell_m):
     assert found.resolution_m == pytest.approx(cell_m)
     said = {tuple(place): bool(hit) for place, hit in zip(found.index, found.occupied, strict=True)}
     assert said == {tuple(place): bool(hit) for place, hit in zip(index, wall, strict=True)}
+    assert json.loads((out / "summary.json").read_text())["weights"] == "3d"
 
 
 @pytest.mark.parametrize("cell_m", [0.15, 0.25])
@@ -43,6 +46,7 @@ def test_a_ros_map_too(tmp_path, cell_m):
     row, column = np.nonzero(codes != 205)
     expected = {(int(c + first[0]), int(8 - r + first[1])): codes[r, c] == 0 for r, c in zip(row, column, strict=True)}
     assert {tuple(map(int, place)): bool(hit) for place, hit in zip(found.index, found.occupied, strict=True)} == expected
+    assert json.loads((out / "summary.json").read_text())["weights"] == "2d-map"  # a network for maps, where there is one
 
 
 @pytest.mark.parametrize(("cell_m", "voxel_m"), [(float(np.float32(0.1)), 0.1), (0.101, 0.0505)])

@@ -11,8 +11,15 @@ SHIPPED = {
     "3d": "streets: thirteen real places and simulated streets",
     "2d-sim": "simulated buildings alone",
     "3d-sim": "simulated streets alone",
+    "2d-map": "maps of buildings: of six real ones and of simulated ones",
 }
-"""What each was trained on. The last two are free of the terms of anybody's scans."""
+"""What each was trained on. Those on simulated sites alone are free of the terms of anybody's scans."""
+
+
+def network_for(dimension: int, is_map: bool) -> str:
+    """The name of the network that fills scans of so many dimensions, or an existing map, unless another one is asked for."""
+    given_a_map = f"{dimension}d-map"
+    return given_a_map if is_map and given_a_map in SHIPPED else f"{dimension}d"
 
 
 def checkpoint_path(name: str | os.PathLike) -> Path:

@@ -8,10 +8,10 @@ from hilbertvae.files import file_sha256
 from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED
-from hilbertvae.reconstruction.training_card import calibrated_on, stages
+from hilbertvae.reconstruction.training_card import LEARNED_AS, OLDER, calibrated_on, stages
 from hilbertvae.reports.mapper_names import CHAMPIONS
 from hilbertvae.reports.result_json import read_result
-from hilbertvae.reports.score_table import NOTHING, as_percent, markdown, mean_and_spread
+from hilbertvae.reports.score_table import NOTHING, as_percent, markdown, mean_and_spread, told_given
 from hilbertvae.scans.sites import find_site
 from hilbertvae.scoring.result import Result, asked
 
@@ -33,6 +33,7 @@ GUESSES = (
     "What it fills in is a guess from other places; `observed(points)` tells what was seen. Rows `occluded` are of what no scan "
     "that it was shown had seen: where its NLL there is above the base rate's, knowing only the share of occupied cells would do better."
 )
+FOR_MAPS = " It was shown labels of cells alone, as of an existing map: of scans, which tell more, one for scans makes more."
 FURTHER = {
     "mean_with_step_before": " What comes out is the mean of these weights and those of the step before.",
     "added": " What this changed in the network that it trained is added to the weights of the step before.",
@@ -57,7 +58,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         f"sha256 `{file_sha256(weights)}`. Grids of {network.grid.cells}^{network.dimension} cells of {network.grid.cell_m:g} m.",
         "## Trained",
         _trained(card),
-        f"The Hilbert Map's weights were learned on {', '.join(calibrated_on(card))}, "
+        f"The Hilbert Map's weights were learned on {', '.join(calibrated_on(card))}{_given(card)}, "
         + f"over {card['flips']} flip{'s' if card['flips'] > 1 else ''}"
         + (f", in frames turned as `{turned}`" if (turned := network.grid.frame.rotation) != "none" else "")
         + (f", {_between_cells(network.grid.interpolated)}" if network.grid.interpolated else "")
@@ -65,11 +66,16 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         "## Scores",
         *([_scores([result for result, _ in scored]), _made(scored)] if scored else ["Not scored yet."]),
         "## Limits",
-        f"{LIMITS[network.dimension].format(at=at)} {GUESSES}",
+        f"{LIMITS[network.dimension].format(at=at)} {GUESSES}{FOR_MAPS if _given(card) else ''}",
         "## Terms",
         _terms(card),
     ]
     return "\n\n".join(lines) + "\n"
+
+
+def _given(card: dict) -> str:
+    """What the map's weights were learned from, where that was not scans, as more words."""
+    return told_given({"given": (OLDER | card.get(LEARNED_AS, {}))["calibration_given"]})
 
 
 def _between_cells(interpolated: bool | str) -> str:
@@ -97,11 +103,12 @@ def _trained(card: dict) -> str:
 def _scores(results: list[Result]) -> str:
     rows = []
     for result in results:
+        site = result.site + told_given(result.protocol)
         for reading, names in CHAMPIONS.items():
             mapper = next((name for name in names if name in result.scores), "")
             for region, metrics in result.regions(mapper, reading).items():
                 if region in ("observed", "gaps", "gaps-above-ground") or region.startswith("occluded"):
-                    rows.append([result.site, region, reading, *(_cell(metrics, metric) for metric in COLUMNS)])
+                    rows.append([site, region, reading, *(_cell(metrics, metric) for metric in COLUMNS)])
     return markdown(["site", "region", "reading", *COLUMNS.values()], rows, words=(1, 2))
 
 
@@ -117,7 +124,8 @@ def _made(scored: list[tuple[Result, dict]]) -> str:
     said, sizes = [], " and ".join(f"{size:g}" for size in sorted({result.gap_diameter_m for result, _ in scored}))
     for result, about in scored:
         commit = (about.get("git") or {}).get("commit", "")[:7]
-        said.append(f"`{' '.join(about['command'])}` at commit {commit} ({result.site}, gap seeds {result.gap_seeds})")
+        site = result.site + told_given(result.protocol)
+        said.append(f"`{' '.join(about['command'])}` at commit {commit} ({site}, gap seeds {result.gap_seeds})")
     return (
         f"Shares in percent, mean±sd over gap seeds of {sizes} m; precision and recall at p > 0.6, precision over the seeds in which "
         "anything was called occupied. observed: held-out beams. Points are scored "
