@@ -164,6 +164,8 @@ def test_a_network_for_maps_has_weights_that_are_learned_on_maps(folder, trained
     monkeypatch.setattr(ship, "learn_rank_weights", lambda *sites, **how: (learned.append(how["given"]), learn(*sites, **how))[1])
     assert main(["2d", "--checkpoint", str(trained), "--calibration-given", "map"]) == 0
     assert learned == ["map"] and Reconstructor.load("2d").card[KEY]["calibration_given"] == "map"
+    card = (folder / "2d.md").read_text()
+    assert ", given a map, over" in card and "of scans, which tell more, one for scans makes more" in card
     assert main(["2d", "--checkpoint", "2d"]) == 0 and learned[1] == "map"  # as its card says
     with pytest.raises(SystemExit, match="2"):
         main(["2d", "--checkpoint", "2d", "--calibration-given", "maps"])

@@ -7,8 +7,9 @@ from reports_toys import result
 from rich.console import Console
 
 from hilbertvae.reports.paper_table import PAPER, paper_table
-from hilbertvae.reports.score_table import markdown_scores, percent, print_scores, rows_of
+from hilbertvae.reports.score_table import markdown_scores, percent, print_scores, rows_of, told_given
 from hilbertvae.scoring.metrics import score
+from hilbertvae.scoring.protocol_settings import GIVEN
 
 
 def printed(found, width):
@@ -121,3 +122,9 @@ def test_where_our_curve_passes_the_paper_s_point():
     found.curves.clear()
     assert next(line for line in paper_table(found).splitlines() if "90.86" in line).endswith("| - |")
     assert set(PAPER) == {2, 3}
+
+
+def test_what_mappers_were_given_is_told_where_it_was_not_scans():
+    assert told_given({}) == told_given({"given": "scans"}) == ""  # results from before maps could be given say nothing of it
+    of_maps = {told_given({"given": given}) for given in GIVEN if given != "scans"}
+    assert len(of_maps) == len(GIVEN) - 1 and all(words.startswith(", given a map") for words in of_maps)
