@@ -90,13 +90,13 @@ def _console_table(result: Result, reading: str, regions: tuple[str, ...]) -> Ta
     return table
 
 
-GIVEN = {"map": ", given a map", "fine-map": ", given a map of half cells"}
-"""Beside the site's name, where mappers were not given its scans."""
+NOT_SCANS = {"map": ", given a map", "fine-map": ", given a map of half cells"}
+"""By `Protocol.given`, what stands beside the site's name where mappers were not given its scans."""
 
 
 def told_given(protocol: dict) -> str:
     """What mappers were given of the site, where that was not its scans, as more words."""
-    return GIVEN.get(protocol.get("given", "scans"), "")
+    return NOT_SCANS.get(protocol.get("given", "scans"), "")
 
 
 def heading(result: Result) -> str:
