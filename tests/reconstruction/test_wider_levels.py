@@ -32,6 +32,20 @@ def test_it_says_at_first_what_the_narrow_one_said(dimension, channels, skips):
         torch.testing.assert_close(getattr(found, part), getattr(said, part), rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.parametrize("channels", [[16, 32], [32, 48]])
+def test_new_blocks_say_nothing_at_first(channels):
+    narrow = tiny_reconstructor(channels=[16, 32])
+    settings = replace(narrow.network_settings, channels=channels, blocks=[2, 3])
+    network = build_network(settings, 2, narrow.grid.cells)
+    assert is_wider(settings, narrow.network_settings)
+    network.load_state_dict(wider_weights(narrow.network.state_dict(), network))
+    grids = torch.randint(-1, 2, (3, 16, 16)).to(torch.int8)
+    found = network.eval()(grids).output
+    torch.testing.assert_close(found, narrow.network.eval()(grids).output, rtol=1e-4, atol=1e-5)
+    found.square().mean().backward()
+    assert network.up[0][1].body[-1].weight.grad.any()
+
+
 def test_it_hears_details_that_the_narrow_one_was_not_shown():
     narrow = tiny_reconstructor(channels=[16, 32])
     network = widened(narrow, [32, 32], encoding="detailed")
@@ -69,7 +83,8 @@ def test_an_older_network_without_known_cells_can_be_widened():
         {"channels": [16, 16]},
         {"channels": [32, 32, 32], "blocks": [1, 1, 1]},
         {"channels": [32, 32], "stem": 4},
-        {"channels": [32, 32], "blocks": [1, 2]},
+        {"channels": [32, 32], "blocks": [1, 0]},
+        {"channels": [32, 32], "blocks": [1]},
         {"channels": [32, 32], "latent": 4},
         {"channels": [32, 32], "skips": False},
         {"channels": [32, 32], "variational": False},

@@ -10,7 +10,7 @@ from hilbertvae.gaps import NoRoom
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.scans.carmen import read_carmen
 from hilbertvae.simulate import SCENES
-from hilbertvae.training import kept_grids
+from hilbertvae.training import grids_datamodule, kept_grids
 from hilbertvae.training.grid_pairs import GridPairs
 from hilbertvae.training.grids_datamodule import EpochBatches, GridsDataModule
 from hilbertvae.training.kept_grids import draw_seed
@@ -39,6 +39,21 @@ def draws_of(site, seed, settings):
 def whole(pairs):
     """(shown, target) of all of them."""
     return pairs[list(range(len(pairs)))]
+
+
+def test_a_gpu_is_read_for_by_other_processes(prepared, monkeypatch):
+    """Which read the same batches, in the same order; on a CPU nobody does."""
+    alone = module_of(prepared).train_dataloader()
+    assert alone.num_workers == 0
+    monkeypatch.setattr(grids_datamodule, "training_device", lambda settings: "cuda")
+    monkeypatch.setattr(grids_datamodule, "cores", lambda: 3)
+    loader = module_of(prepared).train_dataloader()
+    loader.pin_memory = False  # which takes a GPU
+    assert loader.num_workers == 2
+    for epoch in range(2):
+        alone.sampler.set_epoch(epoch), loader.sampler.set_epoch(epoch)
+        for batch, expected in zip(loader, alone, strict=True):
+            assert all(torch.equal(*parts) for parts in zip(batch, expected, strict=True))
 
 
 def test_grids_of_simulated_sites_are_not_those_of_older_scenes(prepared, monkeypatch):

@@ -9,10 +9,15 @@ import numpy as np
 from torch.utils.data import DataLoader, Sampler, Subset
 
 from hilbertvae.checks import InputError
+from hilbertvae.cores import cores
 from hilbertvae.grids.cluster_grids import labels_of
+from hilbertvae.training.devices import training_device
 from hilbertvae.training.grid_pairs import GridPairs
 from hilbertvae.training.kept_grids import VALIDATION_SEEDS, build_all, is_voted
 from hilbertvae.training.settings import Settings
+
+MOST_READERS = 6
+"""Processes that read batches for one GPU: as fast as a large one learns from grids of 192 x 192 or of 48 x 48 x 48 cells."""
 
 
 class EpochBatches(Sampler):
@@ -90,7 +95,14 @@ class GridsDataModule(L.LightningDataModule):
         rank = self.trainer.global_rank if self.trainer else 0
         pairs = self.train_pairs
         batches = EpochBatches(len(pairs), trainer.batch_size, trainer.steps_per_epoch, self.settings.seed, rank, pairs.announce)
-        return DataLoader(pairs, sampler=batches, batch_size=None)
+        return DataLoader(pairs, sampler=batches, batch_size=None, **self._loading())
+
+    def _loading(self) -> dict:
+        """Who reads the files. A GPU would wait for that, so other processes do it ahead, of which training outlives an epoch's end; on a
+        CPU they would only take its cores."""
+        trainer = self.settings.trainer
+        readers = min(MOST_READERS, (cores() - 1) // trainer.devices) if training_device(self.settings) == "cuda" else 0
+        return {"num_workers": readers, "persistent_workers": True, "pin_memory": True, "prefetch_factor": 4} if readers > 0 else {}
 
     def val_dataloader(self) -> DataLoader:
         count = len(self.validation_pairs)

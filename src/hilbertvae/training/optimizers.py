@@ -18,23 +18,25 @@ MATCH = 0.2
 """The root mean square of an AdamW step, in learning rates: with steps of this size one rate serves both (Liu et al. 2025)."""
 
 
-def orthogonalised(matrix: Tensor) -> Tensor:
-    """(A, B): U V^T, roughly, of U S V^T = `matrix (A, B)`, so that no direction drowns another.
+def orthogonalised(matrices: Tensor) -> Tensor:
+    """(..., A, B): U V^T, roughly, of U S V^T = each of `matrices (..., A, B)`, so that no direction drowns another.
 
     Each round takes X to q(X X^T) X. All that it needs of X is its Gram matrix, which is small, so the rounds are worked out on that one
-    and the product of all q is applied to `matrix` once: half the time for one nine times as wide as tall.
+    and the product of all q is applied to X once: half the time for one nine times as wide as tall.
     """
     a, b, c = NEWTON_SCHULZ
-    x = matrix.T if matrix.shape[0] > matrix.shape[1] else matrix
-    x = x / x.norm().clamp_min(1e-7)
-    gram, product = x @ x.T, torch.eye(len(x), dtype=x.dtype, device=x.device)
+    tall = matrices.shape[-2] > matrices.shape[-1]
+    x = matrices.mT if tall else matrices
+    x = x / torch.linalg.matrix_norm(x, keepdim=True).clamp_min(1e-7)
+    gram = x @ x.mT
+    product = torch.eye(x.shape[-2], dtype=x.dtype, device=x.device).expand_as(gram)
     for _ in range(ROUNDS):
-        q = torch.addmm(gram, gram, gram, beta=b, alpha=c)
-        q.diagonal().add_(a)
+        q = b * gram + c * (gram @ gram)
+        q.diagonal(dim1=-2, dim2=-1).add_(a)
         product = q @ product
         gram = q @ gram @ q  # all of these are polynomials of one matrix, and commute
     x = product @ x
-    return x.T if matrix.shape[0] > matrix.shape[1] else x
+    return x.mT if tall else x
 
 
 class Muon(torch.optim.AdamW):
@@ -55,22 +57,30 @@ class Muon(torch.optim.AdamW):
                 loss = closure()
         for group in self.param_groups:
             if group["convolutions"]:
+                alike: dict[tuple[int, ...], list[Tensor]] = {}
                 for weights in group["params"]:
                     if weights.grad is not None:
-                        self._step_convolution(weights, group["lr"], group["weight_decay"])
+                        alike.setdefault(weights.flatten(1).shape, []).append(weights)
+                for several in alike.values():
+                    self._step_convolutions(several, group["lr"], group["weight_decay"])
         super().step()
         return loss
 
-    def _step_convolution(self, weights: Tensor, rate: float, decay: float) -> None:
-        state, gradient = self.state[weights], weights.grad
-        if not state:  # under AdamW's names, which knows how to save and load them
-            state["step"], state["exp_avg"] = torch.zeros(()), torch.zeros_like(weights)
-        state["step"] += 1
-        mean = state["exp_avg"].lerp_(gradient, 1 - MOMENTUM)
-        step = orthogonalised(gradient.lerp(mean, MOMENTUM).flatten(1))
-        weights.mul_(1 - rate * decay)
-        weights.add_(step.reshape(weights.shape), alpha=-rate * MATCH * math.sqrt(max(step.shape)))
-        weights.grad = None  # AdamW leaves those without one alone
+    def _step_convolutions(self, several: list[Tensor], rate: float, decay: float) -> None:
+        """Of those whose matrices have one shape, all at once: a GPU would wait for the launch of each of their many small products."""
+        directions = []
+        for weights in several:
+            state, gradient = self.state[weights], weights.grad
+            if not state:  # under AdamW's names, which knows how to save and load them
+                state["step"], state["exp_avg"] = torch.zeros(()), torch.zeros_like(weights)
+            state["step"] += 1
+            mean = state["exp_avg"].lerp_(gradient, 1 - MOMENTUM)
+            directions.append(gradient.lerp(mean, MOMENTUM).flatten(1))
+        steps = orthogonalised(torch.stack(directions))
+        for weights, step in zip(several, steps, strict=True):
+            weights.mul_(1 - rate * decay)
+            weights.add_(step.reshape(weights.shape), alpha=-rate * MATCH * math.sqrt(max(step.shape)))
+            weights.grad = None  # AdamW leaves those without one alone
 
 
 def parameter_groups(parameters: Iterable[nn.Parameter], weight_decay: float) -> list[dict]:

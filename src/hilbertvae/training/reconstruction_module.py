@@ -39,7 +39,7 @@ class ReconstructionModule(L.LightningModule):
         """Take the weights of a trained network. An `InputError` names the file if its network is another.
 
         One that was shown labels alone goes on with what else a `detailed` encoding shows at no weight, and so as it was; so does one
-        with fewer channels (`wider_levels.py`). One with twice the stem becomes the inner levels of this one (`finer_stem.py`).
+        with fewer channels or blocks (`wider_levels.py`). One with twice the stem becomes the inner levels of this one (`finer_stem.py`).
         """
         trained = Reconstructor.load(checkpoint)
         if trained.dimension != self.settings.dimension:

@@ -85,7 +85,7 @@ class TrainerSettings:
     batch_size: int = 64
     initial: str | None = None
     """Start from the weights of this `model.safetensors` instead of fresh ones: of a network of the same shape, or of one with twice the
-    stem, one with fewer channels, one that was shown labels alone, or one without an output for what would be known."""
+    stem, one with fewer channels or blocks, one that was shown labels alone, or one without an output for what would be known."""
     optimizer: str = "muon"
     """`muon`, for convolutions, with AdamW for the rest; or `adamw` alone, which had half of Muon's rate when it was the default."""
     learning_rate: float = 4e-3

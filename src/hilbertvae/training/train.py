@@ -136,6 +136,7 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
                 output, name="", version="tensorboard", default_hp_metric=False, purge_step=_steps_done(resume), flush_secs=FLUSH_S
             ),
             callbacks=callbacks,
+            benchmark=training_device(settings) == "cuda",  # all batches have one shape, for which cuDNN looks for its fastest kernels
             log_every_n_steps=min(10, settings.trainer.steps_per_epoch),
             num_sanity_val_steps=0,
             use_distributed_sampler=False,
