@@ -4,7 +4,7 @@ import threading
 import pytest
 
 from hilbertvae import cores as module
-from hilbertvae.cores import FEW, cores, on_all_cores, workers
+from hilbertvae.cores import FEW, cores, on_all_cores, shared_by, workers
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="a process is bound to cores on Linux alone")
@@ -16,6 +16,19 @@ def test_only_the_cores_that_a_process_may_use_count():
     finally:
         os.sched_setaffinity(0, allowed)
     assert cores() == len(allowed)
+
+
+def test_processes_side_by_side_take_their_part_of_the_cores(monkeypatch):
+    alone = cores()
+    with pytest.raises(ZeroDivisionError), shared_by(2 * alone):
+        assert cores() == 1  # and not none
+        with shared_by(1):
+            assert cores() == alone
+        raise ZeroDivisionError
+    assert cores() == alone
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: range(16), raising=False)
+    with shared_by(5):
+        assert cores() == 3
 
 
 def test_one_thread_for_what_others_are_beside_and_all_for_more(monkeypatch):

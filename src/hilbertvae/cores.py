@@ -3,16 +3,33 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 FEW = 16_384
 """Points that one thread answers at once, while others answer others beside it (`Mapper.chunk`)."""
 
 
+_side_by_side = 1
+
+
 def cores() -> int:
-    """Cores that this process may use: on a shared machine fewer than there are."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Cores that this process may use: on a shared machine fewer than there are, and beside others of its kind its part of them."""
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, allowed // _side_by_side)
+
+
+@contextmanager
+def shared_by(processes: int) -> Iterator[None]:
+    """While as many processes, this one among them, have long work of one kind to do: if each started a thread for every core, they would
+    hold each other up, the more so the more cores there are."""
+    global _side_by_side
+    before, _side_by_side = _side_by_side, processes
+    try:
+        yield
+    finally:
+        _side_by_side = before
 
 
 def workers(count: int) -> int:

@@ -125,7 +125,7 @@ def test_only_what_is_missing_is_built(prepared, monkeypatch):
     built = []
     original = kept_grids._build
     monkeypatch.setattr(
-        kept_grids, "_build", lambda path, name, contents, seed, _: built.append((name, seed)) or original(path, name, contents, seed, _)
+        kept_grids, "_build", lambda path, name, contents, seed, *_: built.append((name, seed)) or original(path, name, contents, seed, *_)
     )
     module_of(replace(prepared, clustering=replace(prepared.clustering, clusterings=3)))
     assert built == [(prepared.data.train[0], 2)]

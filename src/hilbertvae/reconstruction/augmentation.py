@@ -27,10 +27,8 @@ def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings, dimen
         shown, target = (torch.cat(parts) for parts in zip(*moved, strict=True))
     if detailed and settings.count_factor > 1:
         shown = scale_counts(shown, settings.count_factor)
-    for number in range(settings.balls):
-        inside = random_balls(labels_of(target, dimension), settings.ball_diameter_cells)
-        if number:
-            inside &= (torch.rand(len(shown), device=inside.device) < 0.5).reshape(-1, *(1,) * (inside.ndim - 1))
+    if settings.balls:
+        inside = random_balls(labels_of(target, dimension), settings.balls, settings.ball_diameter_cells)
         shown = torch.where(inside.unsqueeze(1) if detailed else inside, 0, shown)
     return shown, target
 
@@ -45,20 +43,23 @@ def scale_counts(shown: Tensor, most: float) -> Tensor:
     return torch.cat([shown[:, :1], torch.where(codes > 0, scaled, 0), shown[:, PLACES:]], dim=1)
 
 
-def random_balls(target: Tensor, diameter_cells: list[float]) -> Tensor:
-    """(B, n, ..., n) bool: one ball per grid, around a random occupied cell of it, moved by a uniform offset within its radius."""
+def random_balls(target: Tensor, balls: int, diameter_cells: list[float]) -> Tensor:
+    """(B, n, ..., n) bool, true in a ball around a random occupied cell of each grid, moved by a uniform offset within its radius; and in
+    up to `balls - 1` more of such, each by one chance in two."""
     batch, cells, dimension, device = len(target), target.shape[1], target.ndim - 1, target.device
     low, high = diameter_cells
-    chance = torch.rand(batch, cells**dimension, device=device) * (target.flatten(1) > 0)
-    found = chance.argmax(dim=1)  # unravel_index would copy from the CPU to a GPU
-    centre = torch.stack([found // cells ** (dimension - 1 - d) % cells for d in range(dimension)], dim=1).float()
-    radius = (low + (high - low) * torch.rand(batch, device=device)) / 2
-    offset = torch.randn(batch, dimension, device=device)
-    offset *= (radius * torch.rand(batch, device=device) ** (1 / dimension) / offset.norm(dim=1)).unsqueeze(1)
-    along = torch.arange(cells, device=device).float()
-    squared = torch.zeros(batch, *(1,) * dimension, device=device)
-    for d in range(dimension):
-        shape = [batch, *(1,) * dimension]
-        shape[1 + d] = cells
-        squared = squared + (along - (centre + offset)[:, d : d + 1]).square().reshape(shape)
-    return squared < radius.square().reshape(-1, *(1,) * dimension)
+    seen = (target.flatten(1) > 0).cumsum(dim=1)  # so that each ball costs one draw, not one a cell
+    rank = 1 + (torch.rand(batch, balls, device=device) * seen[:, -1:]).floor().to(seen.dtype)
+    found = torch.searchsorted(seen, torch.minimum(rank, seen[:, -1:]))  # unravel_index would copy from the CPU to a GPU
+    centre = torch.stack([found // cells ** (dimension - 1 - d) % cells for d in range(dimension)], dim=2).float()
+    radius = (low + (high - low) * torch.rand(batch, balls, device=device)) / 2
+    offset = torch.randn(batch, balls, dimension, device=device)
+    offset *= (radius * torch.rand(batch, balls, device=device) ** (1 / dimension) / offset.norm(dim=2)).unsqueeze(2)
+    there = torch.rand(batch, balls, device=device) < 0.5
+    there[:, 0] = True
+    along = (torch.arange(cells, device=device) - (centre + offset).unsqueeze(3)).square()  # (B, balls, D, n)
+    inside = torch.zeros_like(target, dtype=torch.bool)
+    for ball in range(balls):  # all at once would fill a cache with distances
+        squared = sum(along[:, ball, d].reshape(batch, *(cells if axis == d else 1 for axis in range(dimension))) for d in range(dimension))
+        inside |= squared < (radius * there)[:, ball].square().reshape(-1, *(1,) * dimension)
+    return inside

@@ -7,9 +7,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import Parallel, delayed, effective_n_jobs
 
 import hilbertvae
+from hilbertvae.cores import shared_by
 from hilbertvae.files import atomic, hash_of
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.progress import track
@@ -47,9 +48,10 @@ def build_all(jobs: list[tuple[str, int]], settings: Settings) -> list[Path]:
     contents = {name: settings.source().made_of(name) for name in dict(jobs)}
     paths = [Path(settings.data.cache) / f"grids-{grids_hash(contents[name], seed, settings)}.npy" for name, seed in jobs]
     missing = {path: job for path, job in zip(paths, jobs, strict=True) if not path.exists()}
-    work = (delayed(_build)(path, name, contents[name], seed, settings) for path, (name, seed) in missing.items())
+    processes = min(effective_n_jobs(settings.data.processes or -1), len(missing))
+    work = (delayed(_build)(path, name, contents[name], seed, settings, processes) for path, (name, seed) in missing.items())
     if missing:
-        results = Parallel(n_jobs=settings.data.processes or -1, return_as="generator_unordered")(work)
+        results = Parallel(n_jobs=processes, return_as="generator_unordered")(work)
         for _ in track(results, "Clustering sites", total=len(missing)):
             pass
     return paths
@@ -98,11 +100,12 @@ def draw_seed(contents: dict, seed: int) -> int:
     return seed if seed in VALIDATION_SEEDS else int(hash_of([contents, seed])[:8], 16)
 
 
-def _build(path: Path, name: str, contents: dict, seed: int, settings: Settings) -> None:
+def _build(path: Path, name: str, contents: dict, seed: int, settings: Settings, processes: int) -> None:
     how = _clustering(seed, settings), draw_seed(contents, seed), is_detailed(settings.network), is_voted(settings)
-    scans = settings.source().scans(name)
-    with named(f"{name}, clustering {seed}"):
-        pair = training_grids(scans, settings.resolution_m, settings.grid, *how)
+    with shared_by(processes):
+        scans = settings.source().scans(name)
+        with named(f"{name}, clustering {seed}"):
+            pair = training_grids(scans, settings.resolution_m, settings.grid, *how)
     channels = [grids if grids.ndim == settings.dimension + 2 else grids[:, None] for grids in pair]
     with atomic(path) as temporary:
         np.save(temporary, np.concatenate(channels, axis=1))
