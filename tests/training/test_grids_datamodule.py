@@ -56,6 +56,19 @@ def test_a_gpu_is_read_for_by_other_processes(prepared, monkeypatch):
             assert all(torch.equal(*parts) for parts in zip(batch, expected, strict=True))
 
 
+def test_nobody_reads_ahead_where_there_is_no_room_for_it(prepared, monkeypatch):
+    """A container's shared memory holds no batches of many processes, which would be killed."""
+    module = module_of(prepared)
+    batch = prepared.trainer.batch_size * 2 * 16**2  # shown and target, int8
+    monkeypatch.setattr(grids_datamodule, "training_device", lambda settings: "cuda")
+    monkeypatch.setattr(grids_datamodule, "cores", lambda: 9)
+    found = []
+    for room in (0, 2 * 2 * batch - 1, 2 * 2 * batch, 1e12):
+        monkeypatch.setattr(grids_datamodule, "_shared_bytes", lambda room=room: room)
+        found.append(module.train_dataloader().num_workers)
+    assert found == [0, 0, 1, grids_datamodule.MOST_READERS]
+
+
 def test_grids_of_simulated_sites_are_not_those_of_older_scenes(prepared, monkeypatch):
     log = prepared.data.train[0]
     before = [name_of(site, 0, prepared) for site in ("simulated:7", log)]
