@@ -29,6 +29,10 @@ def test_processes_side_by_side_take_their_part_of_the_cores(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda process: range(16), raising=False)
     with shared_by(5):
         assert cores() == 3
+        other = threading.Thread(target=lambda: others.append(cores()))
+        others = []
+        other.start(), other.join()
+    assert others == [16]  # of another thread, which may have other work
 
 
 def test_one_thread_for_what_others_are_beside_and_all_for_more(monkeypatch):

@@ -6,30 +6,29 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from contextvars import ContextVar
 
 FEW = 16_384
 """Points that one thread answers at once, while others answer others beside it (`Mapper.chunk`)."""
 
-
-_side_by_side = 1
+_side_by_side: ContextVar[int] = ContextVar("side_by_side", default=1)
 
 
 def cores() -> int:
     """Cores that this process may use: on a shared machine fewer than there are, and beside others of its kind its part of them."""
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, allowed // _side_by_side)
+    return max(1, allowed // _side_by_side.get())
 
 
 @contextmanager
 def shared_by(processes: int) -> Iterator[None]:
     """While as many processes, this one among them, have long work of one kind to do: if each started a thread for every core, they would
-    hold each other up, the more so the more cores there are."""
-    global _side_by_side
-    before, _side_by_side = _side_by_side, processes
+    hold each other up, the more so the more cores there are. It holds in this thread."""
+    token = _side_by_side.set(processes)
     try:
         yield
     finally:
-        _side_by_side = before
+        _side_by_side.reset(token)
 
 
 def workers(count: int) -> int:
