@@ -28,7 +28,7 @@ def test_processes_side_by_side_take_their_part_of_the_cores(monkeypatch):
     assert cores() == alone
     monkeypatch.setattr(os, "sched_getaffinity", lambda process: range(16), raising=False)
     with shared_by(5):
-        assert cores() == 3
+        assert cores() == 4  # and one more, since the others wait at times
         other = threading.Thread(target=lambda: others.append(cores()))
         others = []
         other.start(), other.join()
