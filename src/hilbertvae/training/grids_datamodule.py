@@ -106,8 +106,10 @@ class GridsDataModule(L.LightningDataModule):
         trainer = self.settings.trainer
         rank = self.trainer.global_rank if self.trainer else 0
         pairs = self.train_pairs
-        batches = EpochBatches(len(pairs), trainer.batch_size, trainer.steps_per_epoch, self.settings.seed, rank, pairs.announce)
-        return DataLoader(pairs, sampler=batches, batch_size=None, **self._loading())
+        loading = self._loading()
+        announce = None if loading else pairs.announce  # who reads ahead needs no word of it
+        batches = EpochBatches(len(pairs), trainer.batch_size, trainer.steps_per_epoch, self.settings.seed, rank, announce)
+        return DataLoader(pairs, sampler=batches, batch_size=None, **loading)
 
     def _loading(self) -> dict:
         """Who reads the files. A GPU would wait for that, so other processes do it ahead, of which training outlives an epoch's end; on a

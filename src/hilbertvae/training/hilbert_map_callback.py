@@ -52,6 +52,7 @@ class HilbertMapCallback(L.Callback):
         reconstructor.card.update(self.began)
         if torch.cuda.is_available():
             torch.cuda.empty_cache()  # else what the training held is kept from the processes that fill maps
+            torch.backends.cudnn.benchmark = False  # maps come in batches of many sizes, and each would be searched for anew
         mapper = HilbertMap(reconstructor, flips=settings.flips, device=filling_device(settings))
         kept = None if self.kept else KeptWeights(settings, mapper)  # a kept network has its weights with it
         learned, self.before["weights"] = (kept and kept.take()) or (None, 0.0)
