@@ -52,9 +52,7 @@ def test_a_ball_is_around_any_occupied_cell_alike():
     assert sum(count) == 900 and max(count) - min(count) < 120  # its radius is a cell, and so it holds the one it is around
     two = random_balls(target.expand(900, 12, 12), 2, [2.0, 2.0])
     held = sum(two[(slice(None), *cell)].int() for cell in cells)
-    assert (
-        set(held.tolist()) == {1, 2} and 240 < (held == 2).sum() < 360
-    )  # a second one in half of them, around another cell in two of three
+    assert set(held.tolist()) == {1, 2} and 240 < (held == 2).sum() < 360  # a second one in half, around another cell in two of three
 
 
 def test_a_grid_without_occupied_cells_takes_balls_too():
