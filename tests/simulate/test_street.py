@@ -121,6 +121,7 @@ def test_what_moves_is_further_on_in_the_next_scan(sim):
     ("setting", "message"),
     [
         ({"character": "moon"}, r'street.character: expected "any" or one of residential'),
+        ({"variety": "any"}, "street.variety: expected one of usual, wide, got 'any'"),
         ({"sensor": "radar"}, r'street.sensor: expected "any" or one of hdl64'),
         ({"azimuths": 2}, "street.azimuths: expected a whole number of at least 4"),
         ({"scans": 0}, "street.scans: expected a whole number of at least 1"),
@@ -146,12 +147,6 @@ def test_bad_settings_are_named(setting, message):
 
 def test_sites_of_one_scan_drive_nowhere():
     assert StreetSettings(scans=1000, single_scan_share=1.0).scans == 1000
-
-
-def test_shares_sum_to_one_and_name_what_there_is():
-    assert sum(CHARACTERS.values()) == pytest.approx(1) and sum(street.SENSOR_SHARES.values()) == pytest.approx(1)
-    assert set(street.SENSOR_SHARES) == set(SENSORS) == set(street.WHERE_SENSORS_DRIVE)
-    assert set().union(*street.WHERE_SENSORS_DRIVE.values()) <= set(CHARACTERS)
 
 
 @pytest.mark.parametrize("seed", [-1, 1.5, None])

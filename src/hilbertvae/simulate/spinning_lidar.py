@@ -75,6 +75,12 @@ def _steps(first: float, last: float, count: int) -> tuple[float, ...]:
     return tuple(np.linspace(first, last, count).round(3).tolist())
 
 
+# fmt: off
+VLP32_DEG = (15, 10.333, 7, 4.667, 3.333, 2.333, 1.667, 1.333, 1, 0.667, 0.333, 0, -0.333, -0.667, -1, -1.333, -1.667, -2, -2.333, -2.667,
+             -3, -3.333, -3.667, -4, -4.667, -5.333, -6.148, -7.254, -8.843, -11.31, -15.639, -25)
+"""Lasers of a VLP-32C: closest together where streets are farthest away."""
+# fmt: on
+
 SENSORS = {
     "hdl64": SpinningLidar(
         elevations_deg=_steps(1.95, -8.75, 32) + _steps(-9.0, -25.05, 32),
@@ -108,9 +114,38 @@ SENSORS = {
         range_noise_m=0.02,
         posts=4,
     ),
+    "vlp16": SpinningLidar(
+        elevations_deg=_steps(15.0, -15.0, 16),
+        start_heights_m=(0.0,) * 16,
+        azimuths=1800,
+        height_m=1.9,
+        max_range_m=100.0,
+        faintest=3e-6,
+        range_noise_m=0.015,
+    ),
+    "vlp32": SpinningLidar(
+        elevations_deg=VLP32_DEG,
+        start_heights_m=(0.0,) * 32,
+        azimuths=1800,
+        height_m=1.9,
+        max_range_m=120.0,
+        faintest=1.5e-6,
+        range_noise_m=0.015,
+        car=((0, -22, 26, 40), (180, -18, 10, 50)),
+    ),
+    "os1_128": SpinningLidar(
+        elevations_deg=_steps(22.5, -22.5, 128),
+        start_heights_m=(0.0,) * 128,
+        azimuths=1024,
+        height_m=1.8,
+        max_range_m=100.0,
+        faintest=4e-6,
+        range_noise_m=0.02,
+        car=((0, -20, 26, 40), (180, -18, 10, 50)),
+    ),
 }
 """Lasers and hidden roads as measured in real scans: the HDL-64E of KITTI, whose blocks of 1/3 and 1/2 degree leave at two heights;
-the HDL-32E of nuScenes' cars; an OS1-64 on a small robot."""
+the HDL-32E of nuScenes' cars; an OS1-64 on a small robot. A VLP-16, a VLP-32C and an OS1-128 have those of their makers' data sheets."""
 
 
 def rays(lidar: SpinningLidar) -> tuple[np.ndarray, np.ndarray]:

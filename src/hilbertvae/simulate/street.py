@@ -11,15 +11,9 @@ from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.laser import check_sim_extra
 from hilbertvae.simulate.pose_errors import wandering
 from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar, hidden_by_car, rays, sense_turn
+from hilbertvae.simulate.street_variety import VARIETIES, Mount, draw_character, draw_mount, hilly, picked
 
-CHARACTERS = {"residential": 0.48, "town": 0.27, "avenue": 0.07, "outskirts": 0.11, "park": 0.07}
-"""Shares of the kinds of streets among those of character "any"."""
-
-SENSOR_SHARES = {"hdl64": 0.6, "hdl32": 0.25, "os1": 0.15}
-"""Shares of the sensors among sites of sensor "any"."""
-
-WHERE_SENSORS_DRIVE = {"hdl64": {}, "hdl32": {"avenue": 30.0, "outskirts": 3.0}, "os1": {"park": 12.0}}
-"""How many times as often as others a sensor's car is in such streets: wide ones for nuScenes' cars, paths for a small robot."""
+CHARACTERS = tuple(VARIETIES["usual"].characters)
 
 MOST_DRIVE_M = 500.0
 """Longer drives are refused: the sharpest of streets would come round to where it began."""
@@ -29,7 +23,9 @@ MOST_DRIVE_M = 500.0
 class StreetSettings:
     """What streets are drawn, and how they are scanned.
 
-    character: one of `CHARACTERS`, or "any". sensor: a key of `spinning_lidar.SENSORS`, or "any": another one per site.
+    variety: a key of `VARIETIES`. "usual": streets of cars as KITTI's and nuScenes'. "wide": also other sensors, on robots and tilted,
+    more paths and open land, on more uneven ground. character: one of `CHARACTERS`, or "any". sensor: a key of
+    `spinning_lidar.SENSORS`, or "any": another one per site.
     azimuths, max_range_m, range_noise_m: firings in a turn, longest range and spread of ranges; None for the sensor's own.
     single_scan_share: of sites, those of one scan only; the others have 2 to `scans` scans, `shortest_step_m` to `longest_step_m` apart,
     over a drive of at most 500 m.
@@ -55,8 +51,11 @@ class StreetSettings:
     range_noise_m: float | None = None
     nearest_m: float = 2.5
     traffic: bool = True
+    variety: str = "usual"
 
     def __post_init__(self):
+        if self.variety not in VARIETIES:
+            raise InputError(f"street.variety: expected one of {', '.join(VARIETIES)}, got {self.variety!r}")
         if self.character not in ("any", *CHARACTERS):
             raise InputError(f'street.character: expected "any" or one of {", ".join(CHARACTERS)}, got {self.character!r}')
         if self.sensor not in ("any", *SENSORS):
@@ -101,14 +100,17 @@ def simulate_street(settings: StreetSettings, seed: int) -> Scans:
     from hilbertvae.simulate.street_filling import add_traffic, fill
     from hilbertvae.simulate.street_plan import BEYOND_M, draw_street_plan
 
-    for_plan, for_things, for_drive, for_laser = (np.random.default_rng([seed, part]) for part in range(4))
-    sensor = settings.sensor if settings.sensor != "any" else _pick(for_laser, SENSOR_SHARES)
-    lidar = draw_lidar(for_laser, sensor, settings)
+    for_plan, for_things, for_drive, for_laser, for_variety = (np.random.default_rng([seed, part]) for part in range(5))
+    variety = VARIETIES[settings.variety]
+    sensor = settings.sensor if settings.sensor != "any" else picked(for_laser, variety.sensors)
+    mount = draw_mount(for_variety, variety)
+    lidar = draw_lidar(for_laser, sensor, settings, mount)
     scans = 1 if settings.scans == 1 or for_drive.random() < settings.single_scan_share else int(for_drive.integers(2, settings.scans + 1))
     step_m = for_drive.uniform(settings.shortest_step_m, settings.longest_step_m)
-    shares = {name: share * WHERE_SENSORS_DRIVE[sensor].get(name, 1.0) for name, share in CHARACTERS.items()}
-    character = settings.character if settings.character != "any" else _pick(for_plan, shares)
+    robot = mount is not None and mount.robot
+    character = settings.character if settings.character != "any" else draw_character(for_plan, variety, sensor, robot)
     plan = draw_street_plan(for_plan, character, step_m * (scans - 1), min(BEYOND_M, lidar.max_range_m + 5))
+    plan = hilly(for_variety, plan, variety)
     scene = fill(for_things, plan, step_m * (scans - 1))
     lane_s = step_m * np.arange(scans)
     if settings.traffic:
@@ -116,18 +118,13 @@ def simulate_street(settings: StreetSettings, seed: int) -> Scans:
         scene.clear_ways(lane_s)
     else:
         scene.movers.clear()
-    poses = draw_poses(for_drive, plan, lane_s, lidar.height_m)
+    poses = draw_poses(for_drive, plan, lane_s, lidar.height_m, (0.2, 0.3) if mount is None else (mount.tilt_deg, mount.tilt_deg))
     return scan_scene(for_laser, scene, poses, lidar, settings)
 
 
-def _pick(rng: np.random.Generator, shares: dict[str, float]) -> str:
-    weights = np.array(list(shares.values()))
-    return str(rng.choice(list(shares), p=weights / weights.sum()))
-
-
-def draw_lidar(rng: np.random.Generator, sensor: str, settings: StreetSettings) -> SpinningLidar:
-    """A sensor of `SENSORS`, mounted some centimetres higher or lower, more or less sensitive."""
-    lidar = SENSORS[sensor]
+def draw_lidar(rng: np.random.Generator, sensor: str, settings: StreetSettings, mount: Mount | None = None) -> SpinningLidar:
+    """A sensor of `SENSORS`, mounted some centimetres higher or lower than its own or a given mount, more or less sensitive."""
+    lidar = SENSORS[sensor] if mount is None else mount.carrying(SENSORS[sensor])
     noise = lidar.range_noise_m if settings.range_noise_m is None else settings.range_noise_m
     return replace(
         lidar,
@@ -140,8 +137,11 @@ def draw_lidar(rng: np.random.Generator, sensor: str, settings: StreetSettings) 
     )
 
 
-def draw_poses(rng: np.random.Generator, plan, lane_s: np.ndarray, height_m: float) -> np.ndarray:
-    """(S, 4, 4): sensor to world along the lane, with gentle swerves and the car's pitch and roll on the ground."""
+def draw_poses(rng: np.random.Generator, plan, lane_s: np.ndarray, height_m: float, tilt_deg=(0.2, 0.3)) -> np.ndarray:
+    """(S, 4, 4): sensor to world along the lane, with gentle swerves and the car's pitch and roll on the ground.
+
+    tilt_deg: spread of the roll and the pitch at which the sensor is mounted.
+    """
     swerve, phase, length = rng.normal(0, 0.15), rng.uniform(0, 6), rng.uniform(15, 40)
 
     def lane(s):
@@ -161,7 +161,7 @@ def draw_poses(rng: np.random.Generator, plan, lane_s: np.ndarray, height_m: flo
     left = ground.place(s, lane(s) + 0.8) - ground.place(s, lane(s) - 0.8)
     left -= (left * ahead).sum(axis=1, keepdims=True) * ahead
     left /= np.linalg.norm(left, axis=1, keepdims=True)
-    turn = np.stack([ahead, left, np.cross(ahead, left)], axis=-1) @ _rotations(np.deg2rad(rng.normal(0, [0.2, 0.3, 0.5], (1, 3))))
+    turn = np.stack([ahead, left, np.cross(ahead, left)], axis=-1) @ _rotations(np.deg2rad(rng.normal(0, [*tilt_deg, 0.5], (1, 3))))
     poses = np.tile(np.eye(4), (len(s), 1, 1))
     poses[:, :3, :3] = turn
     poses[:, :3, 3] = place + height_m * turn[:, :, 2]
