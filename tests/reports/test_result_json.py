@@ -8,7 +8,7 @@ from reports_toys import result
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import hash_of
-from hilbertvae.reports.provenance import git_state, provenance, without_folders
+from hilbertvae.reports.provenance import git_state, named_without_folders, provenance, without_folders
 from hilbertvae.reports.result_json import read_result, write_result
 from hilbertvae.scoring.result import SCHEMA_VERSION
 
@@ -146,3 +146,9 @@ def test_places_on_one_machine_are_left_out():
     given = {"checkpoint": "/somewhere/best.safetensors", "test": ["intel", "/drives/monday"], "rate": 0.5, "output": "outputs/run"}
     assert without_folders(given) == {"checkpoint": "best.safetensors", "test": ["intel", "monday"], "rate": 0.5, "output": "outputs/run"}
     assert without_folders(["checkpoint=/somewhere/best.safetensors", "--site"]) == ["checkpoint=best.safetensors", "--site"]
+
+
+def test_two_places_with_one_name_are_told_apart():
+    found = {"/a/attic.log": "1", "/b/attic.log": "2", "/c/attic.log": "3", "/d/attic.log": "1", "near/attic.log": "4", "cellar": "5"}
+    named = {"attic.log": "1", "attic.log (2)": "2", "attic.log (3)": "3", "near/attic.log": "4", "cellar": "5"}
+    assert named_without_folders(found) == named

@@ -13,7 +13,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.commands.overrides import named_networks
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.shipped import checkpoint_path
-from hilbertvae.reports.provenance import without_folders
+from hilbertvae.reports.provenance import named_without_folders
 from hilbertvae.reports.run_state import clear, forget, is_finished, is_trained, was_scored_alone
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.site import Site, open_site, site_name
@@ -58,7 +58,7 @@ def run(settings: Settings, again: bool = True) -> int:
     config = asdict(settings) if training else config_without_training(settings)
     if scored := scored or (None if training else _only_named(settings, mappers)):
         config |= of_network(scored)
-    own = {without_folders(site): found for site, found in own_sites(sites).items()}
+    own = named_without_folders(own_sites(sites))
     hashes = site_hashes([site for site, role in sites.items() if training or role != "train"])
     write = Report(
         settings.output,

@@ -77,6 +77,19 @@ def without_folders(node):
     return node
 
 
+def named_without_folders(found: dict[str, str]) -> dict[str, str]:
+    """Values by the bare names of their places; of two places with one name, a later one's is counted: "attic.log (2)"."""
+    named: dict[str, str] = {}
+    for place, value in found.items():
+        bare = name = without_folders(place)
+        count = 1
+        while named.get(name, value) != value:
+            count += 1
+            name = f"{bare} ({count})"
+        named[name] = value
+    return named
+
+
 def git_state(folder: Path) -> dict | None:
     """The commit of the repository that tracks the files in `folder`, and whether its tree was dirty; None where none does.
 
