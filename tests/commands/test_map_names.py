@@ -50,7 +50,7 @@ def test_other_scans_of_the_same_name(room_of_two_days, tmp_path, monkeypatch, c
     assert map_command.main([f"scans={first}", *words]) == 0
     before = (tmp_path / "outputs/maps/room.npz/map.npz").stat().st_mtime_ns
     assert map_command.main([f"scans={second}", *words]) == 2
-    assert "other scans of that name" in capsys.readouterr().err
+    assert "scans of that name from another place" in capsys.readouterr().err
     assert (tmp_path / "outputs/maps/room.npz/map.npz").stat().st_mtime_ns == before
     assert map_command.main([f"scans={first.relative_to(tmp_path)}", *words]) == 0
     assert map_command.main([f"scans={second}", "output=outputs/maps/room.npz", *words]) == 0
@@ -69,7 +69,7 @@ def test_other_scans_of_the_same_name_that_were_mapped_meanwhile(room_of_two_day
 
     monkeypatch.setattr("hilbertvae.mapping.write_page", meanwhile)
     assert map_command.main([f"scans={first}", *words]) == 2
-    assert "other scans of that name" in capsys.readouterr().err
+    assert "scans of that name from another place" in capsys.readouterr().err
     out = tmp_path / "outputs/maps/room.npz"
     assert json.loads((out / "summary.json").read_text())["scans_hash"] == scans_hash(second)
     assert not list(out.glob(".writing-*"))

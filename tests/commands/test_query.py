@@ -47,6 +47,13 @@ def test_the_points_are_not_replaced(tree, tmp_path, monkeypatch, capsys, name):
     assert files(tmp_path) == before and (tmp_path / "link.csv").is_symlink()
 
 
+def test_a_closed_standard_output_is_named(tree, tmp_path, monkeypatch, capsys):
+    (tmp_path / "asked.csv").write_text("x,y,z\n1.0,2.0,0.25\n")
+    monkeypatch.setattr("sys.stdout", None)
+    assert query.main([f"map={tree}", f"points={tmp_path / 'asked.csv'}"]) == 2
+    assert "output: expected a name, since the standard output is closed" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("rows, warned", [(1, False), (3, False), (20, True)])
 def test_a_few_typed_places_far_off_are_those_that_were_meant(tree, tmp_path, capsys, rows, warned):
     """A cloud whose coordinates all have seven digits was rounded on its way."""

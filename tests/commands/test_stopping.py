@@ -56,6 +56,20 @@ def test_a_training_stops_and_says_how_it_goes_on(tmp_path):
     assert code == 130 and "the same command goes on from the last epoch in" in said
 
 
+def test_a_reader_that_is_gone_fails_no_run(tmp_path):
+    """`hilbertvae-train ... | head` ends when `head` has had enough; what an earlier run had scored stays."""
+    command = [*TRAIN, "debug=fast", "trainer.threads=1", "mapper=[nearest,octomap]", "pictures=false", "output=run"]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
+    subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, timeout=240, check=True)
+    before = (tmp_path / "run/result.json").read_bytes()
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=write, stderr=subprocess.PIPE, text=True, timeout=240)
+    os.close(write)
+    assert done.returncode == 1 and "Traceback" not in done.stderr and "nobody reads its output any more" in done.stderr
+    assert (tmp_path / "run/result.json").read_bytes() == before
+
+
 def test_the_workers_of_a_sweep_stop_with_it(tmp_path):
     pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
     code, _ = stop_while_training(tmp_path, "-m", "+sweep=ablation", "launcher=joblib", "cases/ablation=default,unmasked")

@@ -31,6 +31,12 @@ def test_too_long_beams_hint_at_their_unit():
     assert "longer than 2500 m: are they in millimetres?" in check.hint(80.0) and check.hint(5000.0) == ""
 
 
+def test_beams_that_may_well_be_metres_hint_at_what_cuts_them():
+    check = UnitCheck()
+    check.see(np.array([2.0, 4.0]))
+    assert check.hint(1.0).endswith("longer than 3 m: is max_range_m too short for them?") and check.hint(5.0) == ""
+
+
 def test_medians_of_most_scans_decide():
     check = UnitCheck()
     for lengths in ([2000.0, 3000, np.nan, np.inf], [5.0], [np.nan], [4000.0, 1, 9000]):

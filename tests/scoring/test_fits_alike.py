@@ -64,6 +64,14 @@ def test_one_that_fails_takes_none_with_it_that_fits_alike(room):
     assert found.scores == evaluate_all({"voxels": HilbertMap(made)}, room, PROTOCOL).scores and len(found.gaps) == 2
 
 
+def test_a_reader_of_the_progress_that_is_gone_fails_no_mapper(room):
+    def gone(line):
+        raise BrokenPipeError
+
+    with pytest.raises(BrokenPipeError):
+        evaluate_all({"near": NearestMapper()}, room, PROTOCOL, gone)
+
+
 @pytest.mark.parametrize(
     "change",
     [{"flips": 1}, {"neighbours": 3}, {"evidence": False}, {"inner_radius_m": 2.0}, {"weights": "cluster"}, {"calibration": "pixels"}],

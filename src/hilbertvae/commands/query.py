@@ -42,6 +42,8 @@ def run(settings: QuerySettings) -> None:
             raise InputError(f"{key}: expected a path, got none; give {key}=<path>")
     if settings.output and Path(settings.output).suffix not in (".csv", ".npz"):
         raise InputError(f"output: expected a name that ends in .csv or .npz, got {settings.output}")
+    if not settings.output and sys.stdout is None:
+        raise InputError("output: expected a name, since the standard output is closed; give output=<path>")
     map_file = map_path(settings.map)
     if settings.output:
         _check_replaced(Path(settings.output), Path(settings.points), map_file)

@@ -68,6 +68,12 @@ def _application(config: DictConfig) -> None:
             raise
         print(f"hilbertvae-train: {str(error) or 'stopped; the same command goes on from where it was'}", file=sys.stderr)
         sys.exit(130)
+    except BrokenPipeError:  # nothing of the run has failed: a reader such as `head` has had enough
+        if many:
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        print("hilbertvae-train: nobody reads its output any more; the same command goes on from where it was", file=sys.stderr)
+        sys.exit(1)
     except Exception as error:
         refused = isinstance(error, InputError)
         had, write = (has_study, write_clustering_failure) if config.task == "clustering" else (has_result, write_failure)

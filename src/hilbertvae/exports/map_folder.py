@@ -25,7 +25,7 @@ WRITING, HELD = ".writing-", ".held"
 
 
 def scans_hash(scans: Path) -> str:
-    """What tells the scans of a map from others of the same name; where they lie says nothing elsewhere."""
+    """What tells the scans of a map from others of the same name: where they lie, of which nothing is to be read from it elsewhere."""
     return hash_of(str(scans.resolve()))
 
 
@@ -66,7 +66,9 @@ def check_output(output: Path, scans: Path, exports: list[str], by_name: bool, b
     for name in sorted(there - earlier - ({SUMMARY} if earlier else set())):
         raise InputError(f"output: {output / name} was not left by an earlier map, and would be replaced; choose another folder")
     if by_name and earlier and json_object(output / SUMMARY).get("scans_hash") not in (None, scans_hash(scans)):
-        raise InputError(f"output: {output} has the map of other scans of that name, and would be replaced; choose a folder with output=")
+        raise InputError(
+            f"output: {output} has the map of scans of that name from another place, and would be replaced; choose a folder with output="
+        )
 
 
 def replace_map(folder: Path, output: Path, files: list[str]) -> None:

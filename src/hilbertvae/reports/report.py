@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 import time
 import traceback
@@ -188,7 +189,8 @@ class Report:
         for name, why in self.failed.items():
             print(f"Failed: {name}: {why}")
         print(f"Results: {', '.join(map(str, self.written)) or 'none'}")
-        print(f"TensorBoard: {Path(os.path.relpath(Path(sys.executable).parent)) / 'tensorboard'} --logdir {self.folder}")
+        tensorboard = Path(os.path.relpath(Path(sys.executable).parent)) / "tensorboard"
+        print(f"TensorBoard: {shlex.join([str(tensorboard), '--logdir', str(self.folder)])}")
         return int(bool(self.failed))
 
 

@@ -72,8 +72,10 @@ class UnitCheck:
         length of no return."""
         if not self._medians and self._code_m:
             return f"; all of them are {self._code_m:g} m long, as lasers write where there is no return"
-        middle = self._middle()
-        return f"; half of the beams are longer than {middle:.4g} m: are they in millimetres?" if middle >= max_range_m else ""
+        if (middle := self._middle()) < max_range_m:
+            return ""
+        asked = "are they in millimetres?" if middle > LONGEST_MEDIAN_M else "is max_range_m too short for them?"
+        return f"; half of the beams are longer than {middle:.4g} m: {asked}"
 
     def _middle(self) -> float:
         return float(np.median(self._medians)) if self._medians else 0.0

@@ -196,6 +196,8 @@ def _evaluate_groups(groups: list[dict[str, Mapper]], site: Site, protocol: Prot
     for group in groups:
         try:
             found = _evaluate_seed(group, site, protocol, progress, kept)
+        except BrokenPipeError:  # whoever read of the progress is gone, which no mapper can help
+            raise
         except Exception as error:
             if len(group) > 1:
                 found = _evaluate_groups([{name: mapper} for name, mapper in group.items()], site, protocol, progress, kept)
