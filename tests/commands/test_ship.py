@@ -204,6 +204,10 @@ def test_the_mean_of_a_network_and_what_was_made_of_it(folder, trained, tmp_path
         np.testing.assert_allclose(value, (old[key] + new[key]) / 2, atol=0.02 * float(new[key].abs().max() + old[key].abs().max()))
     assert "2. On fr079, 2 simulated buildings" in (text := (folder / "2d.md").read_text())
     assert text.count("the mean of these weights and those of the step before") == 1
+    after.card["started_from"] = {**CARD, "started_from": Reconstructor.load("2d").card}
+    assert main(["2d", "--checkpoint", str(after.save(tmp_path / "two_on.safetensors")), "--mean"]) == 0
+    steps = re.findall(r"^(\d)\. (.*)$", (folder / "2d.md").read_text(), re.MULTILINE)
+    assert steps[-1][1].endswith(f"What comes out is the mean of these weights and those of step {int(steps[-1][0]) - 2}.")
     other = tiny_reconstructor(latent=5)
     other.card = CARD
     assert main(["2d", "--checkpoint", str(other.save(tmp_path / "other.safetensors")), "--mean"]) == 2

@@ -14,7 +14,8 @@ from hilbertvae.reconstruction.training_card import stages
 def mean_of(before: Reconstructor, after: Reconstructor) -> Reconstructor:
     """`after` with the mean of its weights and those of `before`, and without map's weights, which were learned for others. The one may
     have had larger boxes than the other, of cells as large, if its weights are as many. Raises `InputError` for networks that differ in
-    more, and where the card of `after` does not name all that `before` was trained on."""
+    more, and where the card of `after` does not name all that `before` was trained on. The card of the mean says `True`, or how many
+    trainings lie between the two."""
     check_same_kind(before, after, "checkpoint")
     if further := _trained_on(before) - _trained_on(after):
         raise InputError(
@@ -22,7 +23,8 @@ def mean_of(before: Reconstructor, after: Reconstructor) -> Reconstructor:
         )
     network, old = copy.deepcopy(after.network), before.network.state_dict()
     network.load_state_dict({key: (value + old[key]) / 2 for key, value in network.state_dict().items()})
-    return replace(after, network=network, map_weights={}, card={**after.card, "mean_with_step_before": True})
+    steps = len(stages(after.card)) - len(stages(before.card))
+    return replace(after, network=network, map_weights={}, card={**after.card, "mean_with_step_before": steps if steps > 1 else True})
 
 
 def check_same_kind(first: Reconstructor, other: Reconstructor, key: str) -> None:

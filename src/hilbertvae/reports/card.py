@@ -96,7 +96,10 @@ def _trained(card: dict) -> str:
         if first < number and stage.get("added"):
             said.append(f"{number}. What step {first} changed is added once more.")
         else:
-            said.append(f"{number}. {told}{''.join(further for key, further in FURTHER.items() if stage.get(key))}")
+            further = "".join(words for key, words in FURTHER.items() if stage.get(key))
+            if isinstance(back := stage.get("mean_with_step_before"), int) and back > 1:
+                further = further.replace("the step before", f"step {number - back}")
+            said.append(f"{number}. {told}{further}")
     return "\n".join(said)
 
 
