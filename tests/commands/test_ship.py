@@ -1,5 +1,6 @@
 """A network becomes one that comes with the package, in a folder of its own."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
