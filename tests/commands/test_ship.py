@@ -13,6 +13,7 @@ from hilbertvae.reconstruction import shipped
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.result_json import write_result
 from hilbertvae.scoring.protocol import Protocol, evaluate
+from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.training.learned_as import KEY, learned_as
 from hilbertvae.training.settings import DataSettings, Settings
 from toy_rooms import tiny_reconstructor
@@ -213,3 +214,22 @@ def test_the_mean_of_a_network_and_what_was_made_of_it(folder, trained, tmp_path
     other.card = CARD
     assert main(["2d", "--checkpoint", str(other.save(tmp_path / "other.safetensors")), "--mean"]) == 2
     assert "checkpoint: expected a network of (2, " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("variety", "sites", "said"),
+    [
+        ("wide", ["simulated:7"], " (streets of wide variety)"),
+        ("wide", ["hall"], ""),
+        ("usual", ["simulated:7"], ""),
+        (None, ["simulated:7"], ""),
+    ],
+)
+def test_streets_that_weights_were_learned_on_are_told_where_they_are_not_as_usual(folder, tmp_path, variety, sites, said):
+    made = tiny_reconstructor(seed=3)
+    learned = {} if variety is None else {KEY: learned_as(Settings(data=DataSettings(street=StreetSettings(variety=variety))))}
+    made.card = {**CARD, "flips": 1, "calibrated_on": sites, **learned}
+    folder.mkdir(exist_ok=True)
+    made.save(folder / "2d.safetensors")
+    ship.write_card("2d", [])
+    assert f"weights were learned on {sites[0]}{said}, over 1 flip" in (folder / "2d.md").read_text()
