@@ -68,7 +68,10 @@ def picked(rng: np.random.Generator, shares: dict[str, float]) -> str:
 
 @dataclass(frozen=True)
 class Mount:
-    """Where a sensor is mounted: on a robot or a car, how high, and the spread of its roll and pitch against what carries it."""
+    """Where a sensor is mounted: on a robot or a car, how high, and the spread of its roll and pitch against what carries it.
+
+    coarser: it fires so many times less often in a turn, as lidars that turn faster do.
+    """
 
     robot: bool
     height_m: float
