@@ -56,3 +56,17 @@ def test_a_street_stays_what_it_is():
         (2, 5601): (13.607, 2.226, -1.669),
     }
     check(scans, 13142, (1.5237, -0.3352, -1.2798), returns)
+
+
+def test_a_street_of_wide_variety_stays_what_it_is():
+    """A VLP-16 on a robot."""
+    scans = simulate_street(StreetSettings(variety="wide", azimuths=90, scans=3, single_scan_share=0.0, max_range_m=20.0), 4)
+    returns = {
+        (0, 60): (6.105, -1.298, -0.989),
+        (0, 938): (-2.227, 2.851, -0.317),
+        (1, 344): (1.399, -4.889, -0.089),
+        (1, 1147): (2.629, 6.954, -0.902),
+        (2, 616): (-11.372, -6.984, -0.297),
+        (2, 1394): (16.841, 3.148, 2.943),
+    }
+    check(scans, 2701, (0.9623, 0.5739, -0.1563), returns)

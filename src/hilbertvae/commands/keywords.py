@@ -17,6 +17,7 @@ from yaml import YAMLError
 
 from hilbertvae.checks import InputError
 from hilbertvae.signals import stopped_by_signals
+from hilbertvae.terminal import let_go_of_output
 
 T = TypeVar("T")
 
@@ -110,7 +111,7 @@ def run_command(command: str, kind: type[T], about: str, run, words: list[str] |
         print(f"{command}: stopped", file=sys.stderr)
         return 130
     except BrokenPipeError:  # a reader such as `head` has had enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        let_go_of_output()
         return 1
     except (InputError, OSError) as error:
         print(f"{command}: {error}", file=sys.stderr)

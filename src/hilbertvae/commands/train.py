@@ -22,7 +22,7 @@ from hilbertvae.commands.run import run
 from hilbertvae.reports.run_lock import alone_in
 from hilbertvae.reports.run_state import allow, has_result, write_failure, write_refusal
 from hilbertvae.signals import stopped_by_signals
-from hilbertvae.terminal import show_any_text
+from hilbertvae.terminal import let_go_of_output, show_any_text
 
 JOB = "HILBERTVAE_JOB"
 """Where a job of a multirun tells the other processes of its distributed training what it is: Lightning starts them with the words of
@@ -71,7 +71,7 @@ def _application(config: DictConfig) -> None:
     except BrokenPipeError:  # nothing of the run has failed: a reader such as `head` has had enough
         if many:
             raise
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        let_go_of_output()
         print("hilbertvae-train: nobody reads its output any more; the same command goes on from where it was", file=sys.stderr)
         sys.exit(1)
     except Exception as error:

@@ -36,10 +36,10 @@ GUESSES = (
 )
 FOR_MAPS = " It was shown labels of cells alone, as of an existing map: of scans, which tell more, one for scans makes more."
 FURTHER = {
-    "mean_with_step_before": " What comes out is the mean of these weights and those of the step before.",
+    "mean_with_step_before": " What comes out is the mean of these weights and those of {before}.",
     "added": " What this changed in the network that it trained is added to the weights of the step before.",
 }
-"""What became of a training's weights, by what a card says of it."""
+"""What became of a training's weights, by what a card says of it; `before`: with which step's the mean was taken."""
 COLUMNS = {
     "precision": "P", "recall": "R", "best_f1": "best F1", "auc": "AUC", "nll": "NLL", "ece": "ECE", "base_rate": "base rate",
     "base_rate_nll": "its NLL",
@@ -104,10 +104,9 @@ def _trained(card: dict) -> str:
         if first < number and stage.get("added"):
             said.append(f"{number}. What step {first} changed is added once more.")
         else:
-            further = "".join(words for key, words in FURTHER.items() if stage.get(key))
-            if isinstance(back := stage.get("mean_with_step_before"), int) and back > 1:
-                further = further.replace("the step before", f"step {number - back}")
-            said.append(f"{number}. {told}{further}")
+            back = int(stage.get("mean_with_step_before", 1))  # steps, or `True`
+            before = f"step {number - back}" if back > 1 else "the step before"
+            said.append(f"{number}. {told}{''.join(words.format(before=before) for key, words in FURTHER.items() if stage.get(key))}")
     return "\n".join(said)
 
 

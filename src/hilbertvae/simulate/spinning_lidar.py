@@ -145,7 +145,8 @@ SENSORS = {
     ),
 }
 """Lasers and hidden roads as measured in real scans: the HDL-64E of KITTI, whose blocks of 1/3 and 1/2 degree leave at two heights;
-the HDL-32E of nuScenes' cars; an OS1-64 on a small robot. A VLP-16, a VLP-32C and an OS1-128 have those of their makers' data sheets."""
+the HDL-32E of nuScenes' cars; an OS1-64 on a small robot. A VLP-16, a VLP-32C and an OS1-128 have the lasers of their makers' data sheets,
+and the rest by what those three have."""
 
 
 def rays(lidar: SpinningLidar) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,10 @@ from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar, hidden_by
 from hilbertvae.simulate.street_variety import VARIETIES, Mount, draw_character, draw_mount, hilly, picked
 
 CHARACTERS = tuple(VARIETIES["usual"].characters)
+"""The kinds of streets."""
+
+LEVEL_DEG = (0.2, 0.3)
+"""Spread of the roll and the pitch at which a sensor is mounted on a car, unless its mount has another."""
 
 MOST_DRIVE_M = 500.0
 """Longer drives are refused: the sharpest of streets would come round to where it began."""
@@ -118,7 +122,7 @@ def simulate_street(settings: StreetSettings, seed: int) -> Scans:
         scene.clear_ways(lane_s)
     else:
         scene.movers.clear()
-    poses = draw_poses(for_drive, plan, lane_s, lidar.height_m, (0.2, 0.3) if mount is None else (mount.tilt_deg, mount.tilt_deg))
+    poses = draw_poses(for_drive, plan, lane_s, lidar.height_m, (mount.tilt_deg, mount.tilt_deg) if mount else LEVEL_DEG)
     return scan_scene(for_laser, scene, poses, lidar, settings)
 
 
@@ -137,7 +141,9 @@ def draw_lidar(rng: np.random.Generator, sensor: str, settings: StreetSettings, 
     )
 
 
-def draw_poses(rng: np.random.Generator, plan, lane_s: np.ndarray, height_m: float, tilt_deg=(0.2, 0.3)) -> np.ndarray:
+def draw_poses(
+    rng: np.random.Generator, plan, lane_s: np.ndarray, height_m: float, tilt_deg: tuple[float, float] = LEVEL_DEG
+) -> np.ndarray:
     """(S, 4, 4): sensor to world along the lane, with gentle swerves and the car's pitch and roll on the ground.
 
     tilt_deg: spread of the roll and the pitch at which the sensor is mounted.
