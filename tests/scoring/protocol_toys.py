@@ -11,6 +11,7 @@ class Spy(Mapper):
     """Keeps what it, and copies of it, are fitted on and asked; answers like the nearest point of its own cloud, or 0.5 far from it."""
 
     needs_both_classes = False
+    chunk = 1_000_000  # one portion: those of several come from threads, and so in any order
 
     def __init__(self, seed=0):
         self.seed = seed
