@@ -104,6 +104,7 @@ def test_returns_lie_on_beams_of_the_pose_that_the_robot_believes_it_has(sim):
         ({"sweeps_per_passer_by": "6"}, "building.sweeps_per_passer_by: expected at least 1, or inf for nobody, got '6'"),
         ({"sweeps_per_passer_by": float("nan")}, "building.sweeps_per_passer_by: expected at least 1"),
         ({"style": ["hall"]}, 'building.style: expected "any" or one of corridors'),
+        ({"variety": "any"}, "building.variety: expected one of usual, wide, got 'any'"),
         ({"draw_laser": "no"}, "building.draw_laser: expected true or false, got 'no'"),
         ({"laser": None}, "building.laser: expected LaserSettings, got None"),
         ({"longest_extent_m": 1e6}, "building.longest_extent_m: expected at most 1000, got 1000000.0"),

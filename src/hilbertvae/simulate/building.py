@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_whole
 from hilbertvae.scans.scan import Scans
+from hilbertvae.simulate.building_variety import VARIETIES, draw_extent_m, draw_laser
 from hilbertvae.simulate.laser import LaserSettings, RayCaster, bearings, check_sim_extra, extrude, sense, sim_extra
 from hilbertvae.simulate.pose_errors import wandering
 
@@ -33,6 +34,8 @@ class BuildingSettings:
     sweeps_per_passer_by: one walks past in so many sweeps, in some buildings in four times as many; inf for nobody.
     draw_laser: another robot's laser in each building: once or twice the beams of `laser`, 0.85, 1 or 1.3 times its longest range,
     and other noise, misses and mixing at edges; else `laser` as it stands.
+    variety: a key of `VARIETIES`. "usual": buildings and lasers as these settings say. "wide": also smaller buildings, and, with
+    `draw_laser`, lasers of other kinds.
     """
 
     style: str = "any"
@@ -45,10 +48,13 @@ class BuildingSettings:
     sweeps_per_passer_by: float = 6.0
     draw_laser: bool = True
     laser: LaserSettings = field(default_factory=LaserSettings)
+    variety: str = "usual"
 
     def __post_init__(self):
         if not isinstance(self.style, str) or self.style not in ("any", *STYLES):
             raise InputError(f'building.style: expected "any" or one of {", ".join(STYLES)}, got {self.style!r}')
+        if not isinstance(self.variety, str) or self.variety not in VARIETIES:
+            raise InputError(f"building.variety: expected one of {', '.join(VARIETIES)}, got {self.variety!r}")
         each = self.sweeps_per_passer_by
         if isinstance(each, bool) or not isinstance(each, (int, float, np.number)) or not each >= 1:
             raise InputError(f"building.sweeps_per_passer_by: expected at least 1, or inf for nobody, got {each!r}")
@@ -82,11 +88,11 @@ def simulate_building(settings: BuildingSettings, seed: int) -> Scans:
     from hilbertvae.simulate.floor_plan import draw_floor_plan
     from hilbertvae.simulate.free_space import find_free_space
 
-    enough = min(settings.scans, int(4 * settings.shortest_extent_m))
+    variety = VARIETIES[settings.variety]
     for attempt in range(ATTEMPTS):
-        for_plan, for_drive, for_laser = (np.random.default_rng([seed, attempt, part]) for part in range(3))
+        for_plan, for_drive, for_laser, for_variety = (np.random.default_rng([seed, attempt, part]) for part in range(4))
         style = settings.style if settings.style != "any" else for_plan.choice(list(STYLES), p=list(STYLES.values()))
-        extent_m = for_plan.uniform(settings.shortest_extent_m, settings.longest_extent_m)
+        extent_m = draw_extent_m(for_plan, for_variety, variety, settings.shortest_extent_m, settings.longest_extent_m)
         try:
             plan = draw_floor_plan(for_plan, extent_m, style)
         except shapely.errors.GEOSException:
@@ -97,19 +103,19 @@ def simulate_building(settings: BuildingSettings, seed: int) -> Scans:
         if len(way) < 2:
             continue
         poses = poses_along(for_drive, way, step_m, turn_deg, settings.scans)
-        if len(poses) >= enough:
-            return scan_from_poses(for_laser, plan, space, poses, settings)
+        if len(poses) >= min(settings.scans, int(4 * min(extent_m, settings.shortest_extent_m))):
+            laser = draw_laser(for_laser, for_variety, variety, settings.laser) if settings.draw_laser else settings.laser
+            return scan_from_poses(for_laser, plan, space, poses, laser, settings)
     raise InputError(
         f"building: no drivable building in {ATTEMPTS} attempts with seed {seed}; allow a longer extent, less clearance or fewer scans"
     )
 
 
-def scan_from_poses(rng: np.random.Generator, plan, space, poses: np.ndarray, settings: BuildingSettings) -> Scans:
-    """What a laser at `poses` (S, 3; metres, radians) reports of `plan`, placed where a SLAM system believes it is."""
+def scan_from_poses(rng: np.random.Generator, plan, space, poses: np.ndarray, laser: LaserSettings, settings: BuildingSettings) -> Scans:
+    """What `laser` at `poses` (S, 3; metres, radians) reports of `plan`, placed where a SLAM system believes it is."""
     from hilbertvae.simulate.passers_by import draw_passers_by
     from hilbertvae.simulate.shapes import edges
 
-    laser = _draw_laser(rng, settings.laser) if settings.draw_laser else settings.laser
     solid, glass = (RayCaster(*extrude(edges(polygons))) for polygons in (plan.solids, plan.glass))
     origins, directions = _beams(poses, laser)
     people = draw_passers_by(rng, poses, space, settings.sweeps_per_passer_by * rng.choice([1.0, 4.0]))
@@ -135,15 +141,3 @@ def _believed(rng, poses: np.ndarray, settings: BuildingSettings) -> np.ndarray:
         * [settings.pose_noise_m, settings.pose_noise_m, np.deg2rad(settings.heading_noise_deg)]
     )
     return poses + wandering(shocks)
-
-
-def _draw_laser(rng, laser: LaserSettings) -> LaserSettings:
-    """Another robot's laser: half or one degree between beams, other noise, other misses and another longest range."""
-    return replace(
-        laser,
-        beams=int(laser.beams * rng.choice([1, 2])),
-        max_range_m=laser.max_range_m * rng.choice([0.85, 1.0, 1.3]),
-        range_noise_m=laser.range_noise_m * rng.uniform(0.6, 1.8),
-        miss_share=float(np.clip(laser.miss_share * rng.choice([0.3, 1.0, 3.0]), 0, 1)),
-        edge_mix_share=float(np.clip(laser.edge_mix_share * rng.uniform(0.0, 2.0), 0, 1)),
-    )
