@@ -217,19 +217,20 @@ def test_the_mean_of_a_network_and_what_was_made_of_it(folder, trained, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("variety", "sites", "said"),
+    ("name", "data", "sites", "said"),
     [
-        ("wide", ["simulated:7"], " (streets of wide variety)"),
-        ("wide", ["hall"], ""),
-        ("usual", ["simulated:7"], ""),
-        (None, ["simulated:7"], ""),
+        ("3d", DataSettings(street=StreetSettings(variety="wide")), ["simulated:7"], " (streets of wide variety)"),
+        ("3d", DataSettings(street=StreetSettings(variety="wide")), ["hall"], ""),
+        ("3d", DataSettings(simulated_variety="wide"), ["simulated:7"], ""),
+        ("2d", DataSettings(simulated_variety="wide"), ["simulated:7"], " (buildings of wide variety)"),
+        ("2d", DataSettings(), ["simulated:7"], ""),
+        ("2d", None, ["simulated:7"], ""),
     ],
 )
-def test_streets_that_weights_were_learned_on_are_told_where_they_are_not_as_usual(folder, tmp_path, variety, sites, said):
-    made = tiny_reconstructor(seed=3)
-    learned = {} if variety is None else {KEY: learned_as(Settings(data=DataSettings(street=StreetSettings(variety=variety))))}
-    made.card = {**CARD, "flips": 1, "calibrated_on": sites, **learned}
+def test_simulated_sites_that_weights_were_learned_on_are_told_where_they_are_not_as_usual(folder, name, data, sites, said):
+    made = tiny_reconstructor(int(name[0]), seed=3)
+    made.card = {**CARD, "flips": 1, "calibrated_on": sites, **({} if data is None else {KEY: learned_as(Settings(data=data))})}
     folder.mkdir(exist_ok=True)
-    made.save(folder / "2d.safetensors")
-    ship.write_card("2d", [])
-    assert f"weights were learned on {sites[0]}{said}, over 1 flip" in (folder / "2d.md").read_text()
+    made.save(folder / f"{name}.safetensors")
+    ship.write_card(name, [])
+    assert f"weights were learned on {sites[0]}{said}, over 1 flip" in (folder / f"{name}.md").read_text()

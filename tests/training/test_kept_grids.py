@@ -24,6 +24,7 @@ MATTER = [
     ("clustering.turn", False),
     ("clustering.mapped_share", 0.5),
     ("data.simulated_scans", 21),
+    ("data.simulated_variety", "wide"),
     ("data.simulated_extent_m", [12, 17]),
     ("network.encoding", "detailed"),
     ("likelihood.vote_power", 0.5),

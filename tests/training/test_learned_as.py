@@ -14,12 +14,14 @@ from hilbertvae.training.settings import DataSettings, Settings
 def test_a_card_brings_back_how_sites_were_made_and_weights_learned():
     read = ReadingSettings(every=2, beam_origin="hdl64", sensor_origin_m=[0.0, 0.0, 1.5])
     data = DataSettings(simulated=3, street=StreetSettings(scans=4), simulated_scans=20, simulated_extent_m=[12.0, 16.0], reading=read)
+    data.simulated_variety = "wide"
     made = Settings(dimension=3, data=data, validation_gap_m=1.5, calibration_seeds=[7])
     card = json.loads(json.dumps({KEY: learned_as(made)}))  # as in a file
     found = settings_of(card, 3)
     assert found.source() == made.source() and found.calibration() == made.calibration()
     assert settings_of({}, 3) == Settings(dimension=3)
-    del card[KEY]["data"]["reading"], card[KEY]["calibration_given"]  # as in older cards
+    del card[KEY]["data"]["reading"], card[KEY]["data"]["simulated_variety"], card[KEY]["calibration_given"]  # as in older cards
+    assert settings_of(card, 3).data.simulated_variety == "usual"
     assert settings_of(card, 3).data.reading == ReadingSettings()
     assert settings_of(card, 3).calibration_given == "scans"
 

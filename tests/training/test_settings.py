@@ -149,6 +149,12 @@ def test_how_simulated_buildings_are_read():
     assert (building.scans, building.shortest_extent_m, building.longest_extent_m) == (20, 12, 16)
 
 
+def test_buildings_that_differ_otherwise_are_named():
+    with pytest.raises(InputError, match="data.simulated_variety: expected one of usual, wide, got 'wild'"):
+        replace(good(), data=DataSettings(train=["aces"], simulated_variety="wild")).check()
+    assert Settings(data=DataSettings(simulated_variety="wide")).source().building.variety == "wide"
+
+
 @pytest.mark.parametrize("extent", [[5.0, 9.0], [16.0, 12.0], [12.0], [12.0, 1e6]])
 def test_simulated_buildings_have_a_length_that_can_be_scanned(extent):
     with pytest.raises(InputError, match="data.simulated_extent_m: expected two lengths from 6 to 1000"):

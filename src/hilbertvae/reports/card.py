@@ -59,7 +59,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         f"sha256 `{file_sha256(weights)}`. Grids of {network.grid.cells}^{network.dimension} cells of {network.grid.cell_m:g} m.",
         "## Trained",
         _trained(card),
-        f"The Hilbert Map's weights were learned on {', '.join(calibrated_on(card))}{_drawn(card)}{_given(card)}, "
+        f"The Hilbert Map's weights were learned on {', '.join(calibrated_on(card))}{_drawn(card, network.dimension)}{_given(card)}, "
         + f"over {card['flips']} flip{'s' if card['flips'] > 1 else ''}"
         + (f", in frames turned as `{turned}`" if (turned := network.grid.frame.rotation) != "none" else "")
         + (f", {_between_cells(network.grid.interpolated)}" if network.grid.interpolated else "")
@@ -74,11 +74,12 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
     return "\n\n".join(lines) + "\n"
 
 
-def _drawn(card: dict) -> str:
+def _drawn(card: dict, dimension: int) -> str:
     """How simulated sites among them differ, where that is not as usual, as more words; older cards don't say."""
-    variety = card.get(LEARNED_AS, {}).get("data", {}).get("street", {}).get("variety", "usual")
-    told = variety != "usual" and any(site.startswith(SIMULATED) for site in calibrated_on(card))
-    return f" (streets of {variety} variety)" if told else ""
+    data = card.get(LEARNED_AS, {}).get("data", {})
+    kind, variety = ("buildings", data.get("simulated_variety")) if dimension == 2 else ("streets", data.get("street", {}).get("variety"))
+    told = variety not in (None, "usual") and any(site.startswith(SIMULATED) for site in calibrated_on(card))
+    return f" ({kind} of {variety} variety)" if told else ""
 
 
 def _given(card: dict) -> str:

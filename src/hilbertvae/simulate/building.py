@@ -8,7 +8,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_whole
 from hilbertvae.scans.scan import Scans
-from hilbertvae.simulate.building_variety import VARIETIES, draw_extent_m, draw_laser
+from hilbertvae.simulate.building_variety import VARIETIES, check_variety, draw_extent_m, draw_laser
 from hilbertvae.simulate.laser import LaserSettings, RayCaster, bearings, check_sim_extra, extrude, sense, sim_extra
 from hilbertvae.simulate.pose_errors import wandering
 
@@ -53,8 +53,7 @@ class BuildingSettings:
     def __post_init__(self):
         if not isinstance(self.style, str) or self.style not in ("any", *STYLES):
             raise InputError(f'building.style: expected "any" or one of {", ".join(STYLES)}, got {self.style!r}')
-        if not isinstance(self.variety, str) or self.variety not in VARIETIES:
-            raise InputError(f"building.variety: expected one of {', '.join(VARIETIES)}, got {self.variety!r}")
+        check_variety(self.variety, "building.variety")
         each = self.sweeps_per_passer_by
         if isinstance(each, bool) or not isinstance(each, (int, float, np.number)) or not each >= 1:
             raise InputError(f"building.sweeps_per_passer_by: expected at least 1, or inf for nobody, got {each!r}")

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hilbertvae.checks import InputError
 from hilbertvae.simulate.laser import LaserSettings
 
 SMALLEST_EXTENT_M = 10.0
@@ -37,6 +38,12 @@ VARIETIES = {
     "usual": BuildingVariety(),
     "wide": BuildingVariety(lasers={OWN: 0.3, "utm30": 0.2, "tim561": 0.1, "urg04": 0.1, "a2": 0.2, "lds01": 0.1}, small=0.3),
 }
+
+
+def check_variety(name: str, key: str) -> None:
+    """An `InputError` that names the key for what is no key of `VARIETIES`."""
+    if not isinstance(name, str) or name not in VARIETIES:
+        raise InputError(f"{key}: expected one of {', '.join(VARIETIES)}, got {name!r}")
 
 
 def draw_extent_m(rng: np.random.Generator, for_variety: np.random.Generator, variety: BuildingVariety, shortest: float, longest: float):

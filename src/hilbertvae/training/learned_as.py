@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.training_card import LEARNED_AS as KEY
-from hilbertvae.reconstruction.training_card import OLDER
+from hilbertvae.reconstruction.training_card import OLDER, OLDER_SITES
 from hilbertvae.scans.formats import ReadingSettings
 from hilbertvae.scoring.protocol_settings import check_given
 from hilbertvae.simulate.street import StreetSettings
@@ -14,7 +14,7 @@ from hilbertvae.site import SIMULATED, SiteSource
 from hilbertvae.training.settings import DataSettings, Settings
 from hilbertvae.training.site_roles import place
 
-OF_SITES = ("simulated_scans", "simulated_extent_m")
+OF_SITES = ("simulated_scans", "simulated_extent_m", "simulated_variety")
 OF_WEIGHTS = ("validation_gap_m", "calibration_seeds", "calibration_given")
 
 
@@ -30,7 +30,7 @@ def settings_of(card: dict, dimension: int) -> Settings:
     if KEY not in card:
         return Settings(dimension=dimension)
     try:
-        data = card[KEY]["data"]
+        data = OLDER_SITES | card[KEY]["data"]
         reading = ReadingSettings(**data.get("reading", {}))  # older cards lack it
         data = DataSettings(street=StreetSettings(**data["street"]), reading=reading, **{key: data[key] for key in OF_SITES})
         how = OLDER | card[KEY]

@@ -17,6 +17,7 @@ from hilbertvae.reconstruction.symmetry import check_flips
 from hilbertvae.scans.formats import ReadingSettings
 from hilbertvae.scoring.protocol_settings import Protocol, check_given
 from hilbertvae.simulate.building import MOST_EXTENT_M, BuildingSettings
+from hilbertvae.simulate.building_variety import check_variety
 from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.site import SIMULATED, SiteSource
 from hilbertvae.training.site_roles import check_roles
@@ -50,6 +51,8 @@ class DataSettings:
     """At most so many sweeps in a simulated building."""
     simulated_extent_m: list[float] = field(default_factory=lambda: [30.0, 95.0])
     """Range of a simulated building's length."""
+    simulated_variety: str = "usual"
+    """How much simulated buildings differ: `usual`, or `wide`: smaller ones and other lasers, too. `data.street` has a key of its own."""
     street: StreetSettings = field(default_factory=StreetSettings)
     reading: ReadingSettings = field(default_factory=ReadingSettings)
     """How paths are read; the sites of the catalogue are read as it says."""
@@ -71,8 +74,8 @@ class DataSettings:
         check_count(self.simulated_scans, "data.simulated_scans")
         if self.simulated:
             check_count(self.simulated_clusterings, "data.simulated_clusterings")
-        extent = self.simulated_extent_m
-        if len(extent) != 2 or not 6 <= extent[0] <= extent[1] <= MOST_EXTENT_M:
+        check_variety(self.simulated_variety, "data.simulated_variety")
+        if len(extent := self.simulated_extent_m) != 2 or not 6 <= extent[0] <= extent[1] <= MOST_EXTENT_M:
             raise InputError(f"data.simulated_extent_m: expected two lengths from 6 to {MOST_EXTENT_M:g}, the shorter first, got {extent}")
 
 
@@ -193,8 +196,7 @@ class Settings:
     def source(self) -> SiteSource:
         """How the run's sites are read."""
         data = self.data
-        shortest, longest = data.simulated_extent_m
-        building = BuildingSettings(scans=data.simulated_scans, shortest_extent_m=shortest, longest_extent_m=longest)
+        building = BuildingSettings("any", *data.simulated_extent_m, data.simulated_scans, variety=data.simulated_variety)
         return SiteSource(self.dimension, data.folder, data.download, building, data.street, data.reading)
 
     def simulated_sites(self) -> list[str]:
