@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from sklearn.base import clone
 
+from hilbertvae.checks import InputError
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.mappers.weights import RankWeights
-from hilbertvae.scoring.protocol import Protocol, alike, evaluate, evaluate_all
+from hilbertvae.scoring.protocol import Protocol, alike, evaluate, evaluate_alike, evaluate_all
 from toy_rooms import tiny_reconstructor
 
 PROTOCOL = Protocol(gap_seeds=[0, 3], gap_ratio=0.5, cluster_size_m=3.0)
@@ -81,6 +82,17 @@ def test_what_differs_in_more_is_fitted_alone(change):
     made = network()
     other = HilbertMap(made, calibration="points").set_params(**change)
     assert len(alike({"one": HilbertMap(made), "other": other})) == 2
+
+
+def test_one_that_fits_otherwise_is_not_scored_in_the_others_map(room):
+    made = network()
+    mappers = {
+        "voxels": HilbertMap(made),
+        "points": HilbertMap(made, calibration="points"),
+        "another": HilbertMap(replace(made, card={"other": 1})),
+    }
+    with pytest.raises(InputError, match="another: expected one that fits as voxels does"):
+        evaluate_alike(mappers, room, PROTOCOL)
 
 
 def test_who_fits_alike():
