@@ -43,6 +43,20 @@ def test_a_building_stays_what_it_is():
     check(scans, 10422, (2.0646, 2.9079), returns)
 
 
+def test_a_building_of_wide_variety_stays_what_it_is():
+    """Scanned by a TiM561."""
+    scans = simulate_building(BuildingSettings(shortest_extent_m=12, longest_extent_m=16, scans=30, variety="wide"), 2)
+    returns = {
+        (0, 103): (-3.286, 10.708),
+        (6, 52): (-6.771, 11.873),
+        (12, 21): (-4.343, 8.741),
+        (17, 799): (-3.198, 8.422),
+        (23, 755): (-4.308, 8.633),
+        (29, 709): (-6.788, 11.874),
+    }
+    check(scans, 23963, (-3.923, 10.4634), returns)
+
+
 def test_a_street_stays_what_it_is():
     scans = simulate_street(StreetSettings(azimuths=90, scans=3, single_scan_share=0.0, max_range_m=20.0), 1)
     returns = {

@@ -46,24 +46,21 @@ def check_variety(name: str, key: str) -> None:
         raise InputError(f"{key}: expected one of {', '.join(VARIETIES)}, got {name!r}")
 
 
-def draw_extent_m(rng: np.random.Generator, for_variety: np.random.Generator, variety: BuildingVariety, shortest: float, longest: float):
-    """About how long a building is, metres."""
+def draw_extent_m(
+    rng: np.random.Generator, for_variety: np.random.Generator, variety: BuildingVariety, shortest_m: float, longest_m: float
+) -> float:
+    """About how long a building is. What makes it differ is drawn `for_variety`, so that usual ones stay what they were."""
     if for_variety.random() < variety.small:
-        return for_variety.uniform(min(SMALLEST_EXTENT_M, shortest), shortest)
-    return rng.uniform(shortest, longest)
+        return for_variety.uniform(min(SMALLEST_EXTENT_M, shortest_m), shortest_m)
+    return rng.uniform(shortest_m, longest_m)
 
 
 def draw_laser(rng: np.random.Generator, for_variety: np.random.Generator, variety: BuildingVariety, own: LaserSettings) -> LaserSettings:
     """Another robot's laser: of the settings' kind with half or one degree between beams and another longest range, or of another
     kind; and with other noise, misses and mixing at edges."""
     kind = str(for_variety.choice(list(variety.lasers), p=list(variety.lasers.values())))
-    laser = replace(
-        own,
-        beams=int(own.beams * rng.choice([1, 2])),
-        max_range_m=own.max_range_m * rng.choice([0.85, 1.0, 1.3]),
-    )
-    if kind != OWN:
-        laser = replace(own, **LASERS[kind])
+    beams, max_range_m = int(own.beams * rng.choice([1, 2])), own.max_range_m * rng.choice([0.85, 1.0, 1.3])
+    laser = replace(own, **(LASERS[kind] if kind != OWN else {"beams": beams, "max_range_m": max_range_m}))
     return replace(
         laser,
         range_noise_m=laser.range_noise_m * rng.uniform(0.6, 1.8),
