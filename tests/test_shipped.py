@@ -3,12 +3,15 @@
 from pathlib import Path
 
 import pytest
+from hydra import compose, initialize_config_dir
 
 import hilbertvae
+from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.gaps import INSIDE, random_gaps
+from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
-from hilbertvae.reconstruction.training_card import calibrated_on, stages
+from hilbertvae.reconstruction.training_card import LEARNED_AS, calibrated_on, stages
 from hilbertvae.reports.card import card_text
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.scoring.metrics import score
@@ -36,6 +39,15 @@ def test_nothing_of_the_test_sites_is_in_it(name):
     assert tested and not sites & tested
     if name.endswith("-sim"):
         assert all("simulated" in site for site in sites)
+
+
+def test_the_experiment_learns_a_maps_weights_as_those_that_are_shipped():
+    network = Reconstructor.load("2d-sim")
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        settings = to_settings(compose("config", overrides=["experiment=shipped_2d_sim"]))
+    assert settings.calibration_sites() == calibrated_on(network.card)
+    assert settings.calibration_seeds == network.card[LEARNED_AS]["calibration_seeds"]
+    assert settings.calibration_occupied_weight == occupied_weight_of(network.map_weights)
 
 
 @pytest.mark.parametrize("name", SHIPPED)

@@ -53,11 +53,10 @@ def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, p
     protocol.check()
     if not isinstance(site, Site):  # a name or a path is one elsewhere
         raise InputError(f"site: expected a hilbertvae.site.Site, as open_site makes it, got {type(site).__name__}")
+    first, *others = mappers.values()
     for name, mapper in mappers.items():
         if not isinstance(mapper, Mapper):
             raise InputError(f"{name}: expected a hilbertvae.mappers.mapper.Mapper, got {type(mapper).__name__}")
-    first, *others = mappers.values()
-    for name, mapper in mappers.items():
         if mapper is not first and not mapper.fits_like(first):
             raise InputError(f"{name}: expected one that fits as {next(iter(mappers))} does (Mapper.fits_like); evaluate_all takes any")
     found = {name: _Found() for name in mappers}

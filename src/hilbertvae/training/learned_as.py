@@ -31,8 +31,8 @@ def settings_of(card: dict, dimension: int) -> Settings:
         return Settings(dimension=dimension)
     try:
         data = OLDER_SITES | card[KEY]["data"]
-        reading = ReadingSettings(**data.get("reading", {}))  # older cards lack it
-        data = DataSettings(street=StreetSettings(**data["street"]), reading=reading, **{key: data[key] for key in OF_SITES})
+        street, reading = StreetSettings(**data["street"]), ReadingSettings(**data["reading"])
+        data = DataSettings(street=street, reading=reading, **{key: data[key] for key in OF_SITES})
         how = OLDER | card[KEY]
         check_given(how["calibration_given"], f"card.{KEY}.calibration_given")
         return Settings(dimension=dimension, data=data, **{key: how[key] for key in OF_WEIGHTS})
