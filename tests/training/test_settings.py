@@ -7,6 +7,7 @@ from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.training_grids import ClusteringSettings
 from hilbertvae.reconstruction.settings import AugmentationSettings, LikelihoodSettings
 from hilbertvae.scoring.protocol import Protocol
+from hilbertvae.simulate.street import StreetSettings
 from hilbertvae.training.settings import DataSettings, Settings, TrainerSettings
 
 
@@ -44,6 +45,11 @@ def test_simulated_sites_follow_the_first():
         ({"data": DataSettings(train=["aces"], validate="csail", test=["csail"])}, "data.test: csail is also trained or validated on"),
         ({"data": DataSettings(simulated=3, validate="simulated:2")}, "data.validate: 'simulated:2' is also trained on"),
         ({"data": DataSettings(simulated=3, test=["simulated:0"])}, "data.test: simulated:0 is also trained or validated on"),
+        (
+            {"dimension": 3, "data": DataSettings(simulated=1, simulated_variety="wide")},
+            "data.simulated_variety: expected usual in 3D",
+        ),
+        ({"data": DataSettings(simulated=1, street=StreetSettings(variety="wide"))}, "data.street.variety: expected usual in 2D"),
         ({"trainer": TrainerSettings(epochs=0)}, "trainer.epochs: expected a positive number, got 0"),
         ({"trainer": TrainerSettings(steps_per_epoch=0)}, "trainer.steps_per_epoch"),
         ({"trainer": TrainerSettings(batch_size=-4)}, "trainer.batch_size"),

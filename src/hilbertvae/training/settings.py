@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
-from hilbertvae.checks import InputError, check_count, check_finite, check_not_negative, check_positive, check_seeds
+from hilbertvae.checks import InputError, check_count, check_finite, check_positive, check_seeds
 from hilbertvae.cloud import RESOLUTION_M
 from hilbertvae.clusters.comparison import StudySettings
 from hilbertvae.grids.cluster_grids import GridSettings
@@ -14,126 +13,16 @@ from hilbertvae.grids.training_grids import ClusteringSettings
 from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, check_occupied_weight
 from hilbertvae.reconstruction.settings import AugmentationSettings, GatedNetworkSettings, LikelihoodSettings
 from hilbertvae.reconstruction.symmetry import check_flips
-from hilbertvae.scans.formats import ReadingSettings
 from hilbertvae.scoring.protocol_settings import Protocol, check_given
-from hilbertvae.simulate.building import MOST_EXTENT_M, BuildingSettings
-from hilbertvae.simulate.building_variety import check_variety
-from hilbertvae.simulate.street import StreetSettings
+from hilbertvae.simulate.building import BuildingSettings
 from hilbertvae.site import SIMULATED, SiteSource
+from hilbertvae.training.data_settings import DataSettings
 from hilbertvae.training.site_roles import check_roles
+from hilbertvae.training.trainer_settings import TrainerSettings
 
 TASKS = ("maps", "clustering")
 TRAINED = "trained"
 """What a mapper's `reconstructor` is set to when it takes the network of the run; any other text is a checkpoint's path."""
-ACCELERATORS = ("auto", "cpu", "gpu", "cuda", "mps")
-OPTIMIZER_KINDS = ("muon", "adamw")
-"""Those of the package; one of somebody's own is looked for among `OPTIMIZERS`."""
-PRECISIONS = ("auto", "32-true", "bf16-mixed", "16-mixed")
-MOST_THREADS = 1024
-
-
-@dataclass
-class DataSettings:
-    """Which sites play which part: a name of the catalogue, `simulated:<seed>` (a building, in 3D a street), or a path."""
-
-    train: list[str] = field(default_factory=list)
-    validate: str = "simulated:900001"
-    calibrate: list[str] = field(default_factory=list)
-    """What the Hilbert Map's weights are learned on, if not on the site of `validate`: one building's need not be another's."""
-    test: list[str] = field(default_factory=lambda: ["simulated:900002"])
-    simulated: int = 0
-    """Simulated buildings, in 3D streets, to train on, beside the sites of `train`."""
-    simulated_first: int = 0
-    """Seed of the first of them, those of the others follow: a training that goes on may see others than the one before."""
-    simulated_clusterings: int = 2
-    """Times each simulated site is clustered; real sites take `clustering.clusterings`."""
-    simulated_scans: int = 700
-    """At most so many sweeps in a simulated building."""
-    simulated_extent_m: list[float] = field(default_factory=lambda: [30.0, 95.0])
-    """Range of a simulated building's length."""
-    simulated_variety: str = "usual"
-    """How much simulated buildings differ: `usual`, or `wide`: smaller ones and other lasers, too. `data.street` has a key of its own."""
-    street: StreetSettings = field(default_factory=StreetSettings)
-    reading: ReadingSettings = field(default_factory=ReadingSettings)
-    """How paths are read; the sites of the catalogue are read as it says."""
-    folder: str | None = None
-    """Where real sites lie; by default `HILBERTVAE_DATA`, else ../shared/data, else the user's cache folder."""
-    download: bool = False
-    """Fetch real sites that are not there."""
-    cache: str = "outputs/cache"
-    """Where training grids are kept, under the hash of what made them."""
-    processes: int = 0
-    """How many cluster sites at a time; 0: one per core."""
-
-    def check(self) -> None:
-        """An `InputError` that names the key for sites that can't be trained on."""
-        if not self.train and not self.simulated:
-            raise InputError("data.train: expected at least one site, or data.simulated buildings, got neither")
-        for key in ("simulated", "simulated_first", "processes"):
-            check_not_negative(getattr(self, key), f"data.{key}")
-        check_count(self.simulated_scans, "data.simulated_scans")
-        if self.simulated:
-            check_count(self.simulated_clusterings, "data.simulated_clusterings")
-        check_variety(self.simulated_variety, "data.simulated_variety")
-        if len(extent := self.simulated_extent_m) != 2 or not 6 <= extent[0] <= extent[1] <= MOST_EXTENT_M:
-            raise InputError(f"data.simulated_extent_m: expected two lengths from 6 to {MOST_EXTENT_M:g}, the shorter first, got {extent}")
-
-
-@dataclass
-class TrainerSettings:
-    """How a network is trained. One epoch is `steps_per_epoch` batches; checkpoints are written at its end."""
-
-    epochs: int = 12
-    steps_per_epoch: int = 250
-    batch_size: int = 64
-    initial: str | None = None
-    """Start from the weights of this `model.safetensors` instead of fresh ones: of a network of the same shape, or of one with twice the
-    stem, one with fewer channels or blocks, one that was shown labels alone, or one without an output for what would be known."""
-    optimizer: str = "muon"
-    """`muon`, for convolutions, with AdamW for the rest; or `adamw` alone, which had half of Muon's rate when it was the default."""
-    learning_rate: float = 4e-3
-    weight_decay: float = 0.02
-    warmup_share: float = 0.02
-    """Share of all steps over which the learning rate rises. All the while it falls as a cosine over all steps, to a hundredth."""
-    kl_weight: float = 1.0
-    kl_warmup_share: float = 0.2
-    free_nats: float = 0.05
-    """KL per latent dimension that costs nothing."""
-    gradient_clip: float = 1000.0
-    patience_epochs: int = 0
-    """Epochs without a better validation loss after which training ends; 0 trains to the end. The best weights are kept either way."""
-    validation_grids: int = 1024
-    precision: str = "auto"
-    """As Lightning names them; auto is bf16-mixed where the processor multiplies in bfloat16, else 32-true."""
-    threads: int = 0
-    """Threads of torch; 0 leaves its own choice. Bits depend on it."""
-    accelerator: str = "auto"
-    devices: int = 1
-    """Processes that train together; each draws batches of its own, so that numbers depend on it."""
-    strategy: str = "auto"
-    """Lightning's word for how they do: `ddp`."""
-
-    def check(self) -> None:
-        """An `InputError` that names the key for a value that trains nothing."""
-        optimizers = OPTIMIZER_KINDS
-        if self.optimizer not in optimizers:
-            from hilbertvae.training.optimizers import OPTIMIZERS as optimizers  # late: torch
-
-        for key, known in (("accelerator", ACCELERATORS), ("precision", PRECISIONS), ("optimizer", optimizers)):
-            if (value := getattr(self, key)) not in known:
-                raise InputError(f"trainer.{key}: expected one of {', '.join(known)}, got {value!r}")
-        if self.initial and not Path(self.initial).is_file():
-            raise InputError(f"trainer.initial: expected a model.safetensors, got {self.initial}, which is not there")
-        for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids", "devices"):
-            check_positive(getattr(self, key), f"trainer.{key}")
-        for key in ("weight_decay", "kl_weight", "free_nats", "gradient_clip", "patience_epochs", "threads"):
-            check_not_negative(getattr(self, key), f"trainer.{key}")
-        if self.threads > MOST_THREADS:
-            raise InputError(f"trainer.threads: expected at most {MOST_THREADS}, got {self.threads}")
-        if not 0 <= self.warmup_share < 1:
-            raise InputError(f"trainer.warmup_share: expected a share in [0, 1), got {self.warmup_share}")
-        if not 0.2 <= self.kl_warmup_share <= 1:
-            raise InputError(f"trainer.kl_warmup_share: expected a share from 0.2 to 1, got {self.kl_warmup_share}")
 
 
 @dataclass
@@ -230,7 +119,7 @@ class Settings:
         self.grid.check()
         self.study.check()
         self.evaluation.check()
-        self.data.check()
+        self.data.check(self.dimension)
         self.trainer.check()
         if self.task == "clustering" and self.study.cloud == "returns" and not self.data.test:
             raise InputError("data.test: expected a site whose returns are clustered, got none")
