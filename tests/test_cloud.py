@@ -205,3 +205,12 @@ def test_voxels_of_a_fit_cloud_have_the_labels_of_all_its_scans(place):
     np.testing.assert_allclose(found.points[ours], wanted.points[theirs])
     np.testing.assert_array_equal(found.occupied[ours], wanted.occupied[theirs])
     assert not len(labelled_voxels(found.select(slice(0)), place.resolution_m))
+
+
+def test_a_voxel_counts_once_by_its_votes():
+    """Of 100 beams 15 end in the first voxel, of 100 others 14 in the second; the third is free, and lies below zero."""
+    points = np.array([[0.01, 0.02], [0.05, 0.09], [0.11, 0.0], [0.19, 0.05], [-0.01, 0.05]])
+    cloud = Cloud(points, np.array([True, False, True, False, False]), np.array([15.0, 85.0, 14.0, 86.0, 3.0]))
+    found = labelled_voxels(cloud, 0.1)
+    np.testing.assert_allclose(found.points, [[-0.05, 0.05], [0.05, 0.05], [0.15, 0.05]])
+    assert found.occupied.tolist() == [False, True, False] and (found.weight == 1).all()

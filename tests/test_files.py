@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hilbertvae.files import atomic, file_sha256, folder_sha256, hash_of, json_object, write_json
+from hilbertvae.files import atomic, file_sha256, folder_sha256, hash_of, json_object, path_sha256, write_json
 
 
 def test_a_block_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -140,3 +140,22 @@ def test_the_hash_of_a_folder_sees_names_contents_and_linked_folders_and_no_hidd
     second = folder_sha256(folder)
     (elsewhere / "0.bin").rename(elsewhere / "1.bin")
     assert len({first, second, folder_sha256(folder)}) == 3
+
+
+def test_a_site_is_hashed_once_while_it_stays_as_it_is(tmp_path, monkeypatch):
+    drive, log = tmp_path / "drive", tmp_path / "one.log"
+    drive.mkdir()
+    (drive / "0.bin").write_bytes(b"abcd")
+    log.write_bytes(b"efgh")
+    assert (path_sha256(drive), path_sha256(log)) == (folder_sha256(drive), file_sha256(log))
+    read = []
+    monkeypatch.setattr("hilbertvae.files.file_sha256", lambda path: read.append(path) or file_sha256(path))
+    before = path_sha256(drive), path_sha256(log)
+    assert not read and path_sha256(str(drive)) == before[0]
+    (drive / "0.bin").write_bytes(b"abce")  # as long as before
+    write_json(drive / "1.json", {})
+    os.utime(log, ns=(0, 0))
+    assert path_sha256(drive) == folder_sha256(drive) != before[0] and path_sha256(log) == before[1] and log in read
+    log.unlink()
+    with pytest.raises(FileNotFoundError):
+        path_sha256(log)

@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -46,7 +47,12 @@ def test_parts_equal_brute_force(seed, dimension, balls, resolution_m, corner_m,
     gaps = Gaps(centres, rng.uniform(0.3, 1.2, balls), resolution_m, rim=rim)
     points = rng.uniform(-2, 8, (150, dimension)) + corner_m
     points[:60] = (centres[0] if balls else corner_m) + rng.normal(0, 0.7, (60, dimension))
-    np.testing.assert_array_equal(gaps.part(points), [part_by_loop(gaps, point) for point in points])
+    part, gap = gaps.part(points), gaps.gap_of(points)
+    np.testing.assert_array_equal(part, [part_by_loop(gaps, point) for point in points])
+    np.testing.assert_array_equal(gap >= 0, part == INSIDE)
+    alone = [replace(gaps, centres=gaps.centres[[ball]], radius_m=gaps.radius_m[[ball]]) for ball in range(balls)]
+    assert all(part_by_loop(alone[ball], point) == INSIDE for ball, point in zip(gap, points, strict=True) if ball >= 0)
+    assert gaps.count(points).tolist() == [int(np.sum(gap == ball)) for ball in range(balls)]
 
 
 @pytest.mark.parametrize(("dimension", "apart_m"), [(2, 5e6), (3, 2e5)])

@@ -13,6 +13,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from hilbertvae.last_few import LastFew
+
+HASHED = 256
+"""Paths whose hashes are remembered."""
+_hashes = LastFew(HASHED)
 TEMPORARY = re.compile(r"\..*-[0-9a-f]{8}(\.[^.]*)?")
 """The names of `atomic`'s temporary files."""
 
@@ -98,8 +103,16 @@ def folder_sha256(folder: str | os.PathLike) -> str:
 
 
 def path_sha256(path: str | os.PathLike) -> str:
-    """The sha256 of a file, or of a folder's names and files."""
-    return folder_sha256(path) if Path(path).is_dir() else file_sha256(path)
+    """The sha256 of a file, or of a folder's names and files; read once while they stay as they are, since a run asks for the hash of a
+    site wherever it names it, and sites may have many gigabytes."""
+    key = os.path.realpath(path), file_stamps(path)
+    return _hashes.get(key, lambda: folder_sha256(path) if Path(path).is_dir() else file_sha256(path))
+
+
+def file_stamps(path: str | os.PathLike) -> tuple[tuple, ...]:
+    """What tells whether the file at a path, or those below a folder, may have changed: names, sizes, and when they were written."""
+    found = ((str(file), file.stat()) for file in files_at(path))
+    return tuple((name, stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns) for name, stat in found)
 
 
 def hash_of(content: object, digits: int = 16) -> str:

@@ -45,10 +45,23 @@ class Gaps:
         The voxel decides, not the point, so that the same balls cut all clouds alike, and a thinned point, the mean of samples
         anywhere in its voxel, can't carry a removed sample out of the gap.
         """
-        near = np.flatnonzero(self._near(points))
+        point, _, inside, cut = self._touched(points)
         part = np.zeros(len(points), np.int8)
-        part[near] = self._part_in(BucketIndex(points[near], float(self.radius_m.max(initial=1.0))))
+        part[point[cut]] = RIM
+        part[point[inside]] = INSIDE
         return part
+
+    def gap_of(self, points: np.ndarray) -> np.ndarray:
+        """(N,) int64: the number of the ball that each point is `INSIDE`, -1 where it is in none."""
+        point, ball, inside, _ = self._touched(points)
+        gap = np.full(len(points), -1)
+        gap[point[inside]] = ball[inside]
+        return gap
+
+    def count(self, points: np.ndarray) -> np.ndarray:
+        """(G,) int64: how many points are `INSIDE` each ball."""
+        gap = self.gap_of(points)
+        return np.bincount(gap[gap >= 0], minlength=len(self.centres))
 
     def _near(self, points: np.ndarray) -> np.ndarray:
         """(N,) bool: whether a point's cell, of a raster of cells as large as a ball, holds part of a ball: most points' does not."""
@@ -71,8 +84,11 @@ class Gaps:
         inside[inside] = held[tuple(cell[inside].T)]
         return inside
 
-    def _part_in(self, index: BucketIndex) -> np.ndarray:
-        """`part` of the points of `index`."""
+    def _touched(self, points: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Pairs of a point and a ball whose voxel and surface may meet: (P,) which point, (P,) which ball, (P,) bool whether the point is
+        `INSIDE` the ball, and (P,) bool whether in its `RIM`."""
+        close = np.flatnonzero(self._near(points))
+        index = BucketIndex(points[close], float(self.radius_m.max(initial=1.0)))
         reach = self.radius_m[:, None] + self.resolution_m
         ball, point = index.in_boxes(self.centres - reach, self.centres + reach)
         nearest, farthest, middle = np.zeros(len(point)), np.zeros(len(point)), np.zeros(len(point))
@@ -83,13 +99,8 @@ class Gaps:
             farthest += np.maximum(np.abs(below), np.abs(above)) ** 2
             middle += ((below + above) / 2) ** 2
         squared = self.radius_m[ball] ** 2
-        part = np.zeros(len(index.points), np.int8)
-        if self.rim:
-            part[point[nearest < squared]] = RIM
-            part[point[farthest < squared]] = INSIDE
-        else:
-            part[point[middle < squared]] = INSIDE
-        return part
+        inside = (farthest if self.rim else middle) < squared
+        return close[point], ball, inside, (nearest < squared) & ~inside & self.rim
 
     def cut(self, cloud: Cloud) -> Cloud:
         """The part of `cloud` that a method may see: outside, without the rim."""

@@ -82,7 +82,7 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         mapper.progress = clock.share
         mapper.fit(cloud.points, cloud.occupied, cloud.weight)
         if settings.fill and not mapper.cluster_count():
-            few = f"at most {mapper.grid_.minimum_points} voxels with returns within {mapper.grid_.cluster_diameter_m:g} m"
+            few = f"at most {mapper.grid_.minimum_points} voxels with returns within {mapper.grid_.cluster_diameter_m / 2:g} m"
             warnings.warn(f"{settings.scans}: found {few}, too few for a network, so that nothing is filled in", stacklevel=2)
         clock.start("ask each cell")
         # Without grids a map says nothing beside what was seen, and asking there would take most of the time.

@@ -13,7 +13,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import RESOLUTION_M, Cloud, fit_cloud, points_cloud, thinned_cloud, voted_cloud
-from hilbertvae.files import files_at, hash_of, path_sha256
+from hilbertvae.files import file_stamps, hash_of, path_sha256
 from hilbertvae.ground import Ground, find_ground
 from hilbertvae.last_few import LastFew
 from hilbertvae.observed_map import FINE
@@ -196,8 +196,7 @@ def _scans_at(reference: str, reading: ReadingSettings) -> Scans:
     """The scans at a path, read once while its files stay as they are: a run checks a site, clusters it several times and scores it, and
     each time all messages of a bag would be parsed, or poses be found, again. The `READ` last are kept."""
     path = Path(reference).resolve()
-    stamps = [(str(file), file.stat().st_size, file.stat().st_mtime_ns) for file in files_at(path)]
-    key = hash_of([str(path), stamps, asdict(reading)])
+    key = hash_of([str(path), file_stamps(path), asdict(reading)])
     return _scans_read.get(key, lambda: _kept_as_is(read_scans_path(reference, reading)))
 
 

@@ -19,7 +19,7 @@ from warm_start import train
 from hilbertvae.clusters.starts import STARTS
 from hilbertvae.commands.configuration import CONF, SWEEPS, to_settings
 from hilbertvae.commands.run import run
-from hilbertvae.commands.sweep_progress import earlier_jobs, list_jobs
+from hilbertvae.commands.sweep_progress import earlier_jobs, list_jobs, what_failed
 from hilbertvae.commands.table import main as table
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.run_state import UNFINISHED
@@ -123,6 +123,12 @@ def test_a_study_that_is_refused_leaves_word_and_what_an_earlier_one_found(tmp_p
     before = path.read_bytes()
     done = launch("study.sizes=[10000000]")
     assert done.returncode == 1 and "FAILED random-seed0: sizes: " in done.stdout and path.read_bytes() == before
+
+
+@pytest.mark.parametrize("damaged", ["{", "[]", '{"failed": 3}'])
+def test_a_damaged_study_is_named_as_failed(tmp_path, damaged):
+    (tmp_path / "clustering.json").write_text(damaged)
+    assert f"{tmp_path / 'clustering.json'}" in what_failed(tmp_path, scored=False)
 
 
 def test_jobs_of_earlier_launches_stay_listed(tmp_path):

@@ -1,4 +1,5 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,6 +59,19 @@ def test_equations_7_and_8_by_brute_force(seed, dimension, count, nearest, turne
             else:
                 cell = tuple(int((x + 0.5) * cells) for x in inside_by_loop(frames, m, query))
                 assert values[q, r] == grids[m][cell]
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_sites_a_thousand_kilometres_apart_are_asked_together(dimension):
+    """More patches lie between them than one number tells apart; each query has the answer that it has alone."""
+    rng = np.random.default_rng(0)
+    corner = rng.choice([-8e5, 8e5], (40, 1))
+    frames = random_frames(rng, 40, dimension, turned=True)
+    index = FrameIndex(replace(frames, centre=frames.centre + corner))
+    queries = rng.uniform(-5, 5, (300, dimension)) + rng.choice([-8e5, 8e5], (300, 1))
+    together = index.holding(queries, 3)
+    np.testing.assert_array_equal(together, [index.holding(query[None], 3)[0] for query in queries])
+    assert (together != NONE).any(axis=1).mean() > 0.5
 
 
 @settings(max_examples=25)

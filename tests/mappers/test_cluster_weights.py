@@ -5,12 +5,12 @@ import pytest
 from hilbert_map_toys import FEATURES, fit, gapped, reconstructor
 from scipy.optimize import minimize
 
-from hilbertvae.cloud import Cloud
+from hilbertvae.cloud import labelled_voxels
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids.cluster_grids import bin_grids
 from hilbertvae.grids.kernel import FrameIndex, kernel
 from hilbertvae.mappers import cluster_weights
-from hilbertvae.mappers.cluster_weights import fit_cluster_weights, hide_gaps, voted
+from hilbertvae.mappers.cluster_weights import fit_cluster_weights, hide_gaps
 from hilbertvae.mappers.hilbert_map import HilbertMap
 
 
@@ -60,7 +60,7 @@ def test_factors_are_learned_from_what_was_hidden_alone(room, monkeypatch, level
     mapper = fit(HilbertMap(made, weights="cluster", ridge=7.0), cloud)
     ((values, _, offset, rank_weights, occupied, clusters, ridge, _),) = given
     shown, hidden = hide_gaps(cloud, 0.1, seed=0)
-    hidden = voted(hidden, 0.1)
+    hidden = labelled_voxels(hidden, 0.1)
     grids = made.complete(bin_grids(shown, mapper.frames_, mapper.grid_), mapper.flips_).value
     holding = FrameIndex(mapper.frames_).holding(hidden.points, 5)
     unseen = np.zeros(len(hidden), bool), np.empty((0, FEATURES))
@@ -68,15 +68,6 @@ def test_factors_are_learned_from_what_was_hidden_alone(room, monkeypatch, level
     np.testing.assert_array_equal(occupied, hidden.occupied)
     np.testing.assert_allclose(offset + (values * rank_weights).sum(axis=1), expected, rtol=0, atol=1e-5)
     assert (clusters, ridge) == (len(mapper.frames_), 7.0)
-
-
-def test_a_voxel_is_asked_for_once_by_its_votes():
-    """Of 100 beams 15 end in the first voxel, of 100 others 14 in the second; the third is free, and lies below zero."""
-    points = np.array([[0.01, 0.02], [0.05, 0.09], [0.11, 0.0], [0.19, 0.05], [-0.01, 0.05]])
-    cloud = Cloud(points, np.array([True, False, True, False, False]), np.array([15.0, 85.0, 14.0, 86.0, 3.0]))
-    found = voted(cloud, 0.1)
-    np.testing.assert_allclose(found.points, [[-0.05, 0.05], [0.05, 0.05], [0.15, 0.05]])
-    assert found.occupied.tolist() == [False, True, False] and (found.weight == 1).all()
 
 
 def test_factors_by_an_explicit_sum():

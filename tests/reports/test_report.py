@@ -17,6 +17,8 @@ from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reports.report import Report, _network_figures, scores_text
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.run_state import is_finished
+from hilbertvae.reports.site_pictures import SiteMaps
+from hilbertvae.scoring.cases import given_cloud
 from hilbertvae.scoring.protocol import Protocol, evaluate_all
 from toy_places import room
 
@@ -66,6 +68,19 @@ def test_a_mapper_that_failed_is_listed_and_leaves_the_rest_of_the_report(tmp_pa
     assert np.isfinite(written["scores"]["nearest"]["points"]["gaps"]["auc"]).all()
     assert (tmp_path / "pictures" / "map.png").exists() and list((tmp_path / "tensorboard").glob("events*"))
     assert "Failed: cvae-hm on room" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("given", ["scans", "map", "fine-map"])
+def test_pictures_show_what_mappers_were_given(tmp_path, monkeypatch, given):
+    site, mappers = room(), {"nearest": NearestMapper()}
+    result = evaluate_all(mappers, site, Protocol(gap_seeds=[0], cluster_size_m=2.0, occlusion=False, given=given))
+    drawn, draw = [], SiteMaps.draw
+    monkeypatch.setattr(SiteMaps, "draw", lambda *asked: drawn.append((draw(*asked), mappers["nearest"].tree_.data)) or drawn[0][0])
+    Report(tmp_path, {"name": "run"})(result, site, mappers)
+    ((maps, points),) = drawn
+    shown = given_cloud(site, given, maps.gaps)
+    np.testing.assert_array_equal(maps.shown, maps.raster.codes(shown))
+    assert sorted(map(tuple, points)) == sorted(map(tuple, shown.points))
 
 
 def test_scores_stay_where_pictures_cannot_be_drawn(tmp_path, monkeypatch, capsys):

@@ -22,7 +22,7 @@ def maps():
     gaps = Gaps(np.array([[2.0, 0.5], [9.7, 4.0], [5.0, 3.0]]), np.array([0.8, 0.6, 0.5]), site.resolution_m)
     shown = gaps.cut(site.fit)
     mappers = {"nearest": NearestMapper(1), "nearest-15": NearestMapper(15)}
-    return SiteMaps.draw(site, gaps, {name: mapper.fit(shown.points, shown.occupied) for name, mapper in mappers.items()})
+    return SiteMaps.draw(site, gaps, shown, {name: mapper.fit(shown.points, shown.occupied) for name, mapper in mappers.items()})
 
 
 def test_what_mappers_are_given_has_gaps_and_the_truth_has_not(maps):

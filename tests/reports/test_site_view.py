@@ -10,7 +10,7 @@ from toy_places import CAR, in_street, street, street_gaps
 def view():
     site, gaps = street(), street_gaps()
     shown = gaps.cut(site.fit)
-    return SiteView.draw(site, gaps, NearestMapper(1).fit(shown.points, shown.occupied))
+    return SiteView.draw(site, gaps, shown, NearestMapper(1).fit(shown.points, shown.occupied))
 
 
 def test_view_has_gaps_in_what_is_shown_and_not_in_the_truth(view):

@@ -14,7 +14,7 @@ from toy_places import CAR, street, street_gaps
 def view():
     site, gaps = street(), street_gaps()
     shown = gaps.cut(site.fit)
-    return SiteView.draw(site, gaps, NearestMapper(1).fit(shown.points, shown.occupied))
+    return SiteView.draw(site, gaps, shown, NearestMapper(1).fit(shown.points, shown.occupied))
 
 
 def probability_at(axes, x, y):

@@ -18,7 +18,7 @@ def view():
     site, gaps = street(), street_gaps()
     shown = gaps.cut(site.fit)
     near, wide = (NearestMapper(count).fit(shown.points, shown.occupied) for count in (1, 3))
-    return SiteView.draw(site, gaps, near, wide)
+    return SiteView.draw(site, gaps, shown, near, wide)
 
 
 @pytest.fixture(autouse=True)

@@ -70,6 +70,14 @@ def test_bad_settings_fail_before_anything_is_written(finished, tmp_path):
     assert not (tmp_path / "bad").exists()
 
 
+def test_a_site_that_teaches_a_map_nothing_is_named_before_the_training(finished, tmp_path):
+    log = write_log(tmp_path / "attic.log", [carmen_line(np.full(180, 2.0), [0, 0, 0])])
+    settings = replace(finished[0], output=str(tmp_path / "run"), grid=replace(finished[0].grid, minimum_points=500))
+    with pytest.raises(InputError, match=f"^data.calibrate: {log}: expected more than 500 voxels with returns within"):
+        train(replace(settings, data=replace(settings.data, calibrate=[str(log)])))
+    assert not (tmp_path / "run").exists()
+
+
 def test_mappers_are_scored_on_the_test_sites_and_writers_get_the_result(finished, tmp_path, monkeypatch):
     """The trained network is put where a mapper asks for it, and nowhere else."""
     settings, path = finished

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import json
 import re
 import sys
 import time
@@ -25,6 +24,7 @@ from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.run_lock import alone_in
 from hilbertvae.reports.run_state import is_trained, refusal
 from hilbertvae.tables.clustering import NAME as CLUSTERING
+from hilbertvae.tables.clustering import read_starts_file
 from hilbertvae.tables.sweep import SWEEP
 
 NAME_OF_VALUE = re.compile(r"[\w.+-]{1,40}")
@@ -141,11 +141,11 @@ def what_failed(folder: Path, scored: bool) -> str | None:
     """What the result in a job's folder says of a failure; None for one that is well, as is the network of one that only trains."""
     if why := refusal(folder):
         return f"{why} (what lies there is of an earlier run)"
-    if (folder / CLUSTERING).exists():
-        return "; ".join(json.loads((folder / CLUSTERING).read_text(encoding="utf-8"))["failed"].values()) or None
-    if not scored and is_trained(folder) and not (folder / "result.json").exists():
-        return None
     try:
+        if (folder / CLUSTERING).exists():
+            return "; ".join(read_starts_file(folder / CLUSTERING).failed.values()) or None
+        if not scored and is_trained(folder) and not (folder / "result.json").exists():
+            return None
         result, _ = read_result(folder / "result.json")
     except InputError as error:
         return str(error)

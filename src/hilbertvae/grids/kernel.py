@@ -20,6 +20,8 @@ PATCHES = {2: 16, 3: 4}
 """Patches along the longest reach of a box, at first. In space queries often lie so thinly that smaller ones would hold one each."""
 AT_ONCE = 2048
 """Queries whose candidates, or whose cells, are looked at together: what is computed for them stays in a core's cache."""
+MOST_PLACES = 2**62
+"""Patches of a lattice that are told apart by one number; of a wider one, around sites a thousand kilometres apart, by their rows."""
 NONE = -1
 SLACK = 1e-9
 """Of a box: what rounding may move a query that lies on a box's side, as those on voxel centres do. Less than that of a cell
@@ -67,10 +69,13 @@ class FrameIndex:
         """What `holding` says of queries in patches of `size` metres, with `count` candidates each, and which of these (Q,) are settled."""
         patch = np.floor((queries - self.low) / size).astype(np.int64)
         lowest = patch.min(axis=0)
-        shape = tuple(patch.max(axis=0) - lowest + 1)
-        key = np.ravel_multi_index(tuple((patch - lowest).T), shape)
-        # As few bits as will do: numpy sorts 16 of them in one pass.
-        _, first, member = np.unique(key.astype(np.min_scalar_type(math.prod(shape))), return_index=True, return_inverse=True)
+        shape = tuple(map(int, patch.max(axis=0) - lowest + 1))
+        if (places := math.prod(shape)) <= MOST_PLACES:
+            # As few bits as will do: numpy sorts 16 of them in one pass.
+            key = np.ravel_multi_index(tuple((patch - lowest).T), shape).astype(np.min_scalar_type(places))
+            _, first, member = np.unique(key, return_index=True, return_inverse=True)
+        else:
+            _, first, member = np.unique(patch, axis=0, return_index=True, return_inverse=True)
         middle = (patch[first] + 0.5) * size + self.low
         candidate, beyond = self._nearest_to(middle, count)
         return self._choose(queries, candidate, member, beyond - size * np.sqrt(queries.shape[1]) / 2, nearest)
@@ -87,7 +92,8 @@ class FrameIndex:
         chosen, settled = np.empty((len(queries), nearest), np.int64), np.empty(len(queries), bool)
         for start in range(0, len(queries), AT_ONCE):
             part = slice(start, start + AT_ONCE)
-            chosen[part], settled[part] = self._choose_some(queries[part], candidate, member[part], beyond, nearest)
+            patch, own = np.unique(member[part], return_inverse=True)  # queries that lie together are in few of all patches
+            chosen[part], settled[part] = self._choose_some(queries[part], candidate[patch], own, beyond[patch], nearest)
         return chosen, settled
 
     def _choose_some(self, queries, candidate, member, beyond, nearest):

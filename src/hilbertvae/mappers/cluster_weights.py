@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
+from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import OUTSIDE, random_gaps
 from hilbertvae.grids.kernel import NONE
 from hilbertvae.mappers.newton_logistic import logistic_weights
 from hilbertvae.mappers.weights import RankWeights, disagreement, levelled
-from hilbertvae.voxel_votes import voxel_index
 
 HIDDEN_GAP_M = 2.5
 """Diameter of the gaps that are hidden from the network while factors are fitted."""
@@ -26,14 +25,6 @@ def hide_gaps(cloud: Cloud, resolution_m: float, seed: int) -> tuple[Cloud, Clou
     own = int(np.random.SeedSequence([seed, OWN]).generate_state(1)[0])
     part = random_gaps(cloud, HIDDEN_GAP_M, resolution_m, seed=own).part(cloud.points)
     return cloud.select(part == OUTSIDE), cloud.select(part != OUTSIDE)
-
-
-def voted(cloud: Cloud, resolution_m: float) -> Cloud:
-    """One point per voxel, labelled by its votes as in `voxel_cloud`: a cloud to fit has one per label, and a wall's voxel that beams
-    graze would be asked for both."""
-    index, group = np.unique(voxel_index(cloud.points, resolution_m), axis=0, return_inverse=True)
-    every, hits = (np.bincount(group.ravel(), weights) for weights in (cloud.weight, cloud.weight * cloud.occupied))
-    return Cloud((index + 0.5) * resolution_m, hits / every >= OCCUPIED_SHARE, np.ones(len(index)))
 
 
 def cluster_factors(values, holding, occupied, weights: RankWeights, clusters: int, ridge: float, occupied_weight=1.0) -> np.ndarray:

@@ -14,10 +14,10 @@ from scipy.special import expit
 from sklearn.utils.validation import check_is_fitted
 
 from hilbertvae.checks import InputError
-from hilbertvae.cloud import RESOLUTION_M, Cloud
+from hilbertvae.cloud import RESOLUTION_M, Cloud, labelled_voxels
 from hilbertvae.grids.cluster_grids import GridSettings, cloud_clusters, frames_of
 from hilbertvae.grids.kernel import NONE, FrameIndex, kernels
-from hilbertvae.mappers.cluster_weights import cluster_factors, hide_gaps, voted
+from hilbertvae.mappers.cluster_weights import cluster_factors, hide_gaps
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
@@ -144,7 +144,8 @@ class HilbertMap(GrowingMapper):
         """The `cluster` rule's factors, from gaps hidden from the network for this fit alone: else copying would look like skill."""
         resolution_m = self.evidence_.resolution_m
         kept, hidden = hide_gaps(cloud, resolution_m, self.seed)
-        hidden = voted(hidden, resolution_m) if self.calibration == "voxels" else hidden
+        # A cloud to fit has a point per label, and a wall's voxel that beams graze would be asked for both.
+        hidden = labelled_voxels(hidden, resolution_m) if self.calibration == "voxels" else hidden
         holding, values = self._look_up(hidden.points, self._complete_boxes(kept, self.frames_).value)
         counted = self.rank_weights_.occupied_weight if self.calibration == "points" else 1.0
         return cluster_factors(values, holding, hidden.occupied, self.rank_weights_, len(self.frames_), self.ridge, counted)

@@ -82,7 +82,7 @@ class LikelihoodSettings:
 
     kind: str = "bernoulli"
     observed_weight: float = 0.2
-    """Weight of cells that the input shows, beside 1 for those cut from it. The map keeps observed evidence by itself."""
+    """`bernoulli`: weight of cells that the input shows, beside 1 for those cut from it. The map keeps observed evidence by itself."""
     known_weight: float = 0.03
     """Weight of the second output's likelihood, per cell that the input does not show; most of these are dull."""
     vote_power: float = 0.0

@@ -56,7 +56,7 @@ def fullest_layer(target: np.ndarray) -> int | None:
 def pipeline_picture(cloud: Cloud, reconstructor: Reconstructor, whole: Cloud, seed: int = 0) -> Figure:
     """Fig. 3: the cloud with one cluster selected, the cluster, its aligned grid, its reconstruction, and the truth.
 
-    cloud: what the mapper is given (`gaps.cut(site.fit)`); whole: what that was cut from. The cluster is the one from which the most
+    cloud: what the mapper is given; whole: what that was cut from. The cluster is the one from which the most
     occupied cells were cut. In 3D all panels show one layer of that grid.
     """
     settings = reconstructor.grid

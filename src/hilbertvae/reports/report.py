@@ -166,12 +166,12 @@ class Report:
             if site.dimension == 3:
                 mapper = fitted[ours or rival]
                 by_points = for_points(ours or "")
-                view = SiteView.draw(site, gaps, mapper, fit(by_points, mapper) if by_points in scored else None)
+                view = SiteView.draw(site, gaps, shown, mapper, fit(by_points, mapper) if by_points in scored else None)
                 surface = field_surface(view.field, shown.points[shown.occupied])
                 figures |= {"map": site_view_picture(view), "gaps": close_up_picture(view), "slices": slice_picture(view)}
                 telling = list(telling_gaps(view))[:UNSURE_GAPS]
             else:
-                maps = SiteMaps.draw(site, gaps, fitted)
+                maps = SiteMaps.draw(site, gaps, shown, fitted)
                 figures |= {"map": site_map_picture(maps), "gaps": gap_zoom_picture(maps)}
                 telling = maps.telling(UNSURE_GAPS)
             if ours and telling and len(fitted[ours].frames_):

@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from hilbertvae.cloud import Cloud
 from hilbertvae.drawing.canvas import new_figure, outline_gaps, probability_bar, scale_bar, show_codes, show_probability, title_of
 from hilbertvae.drawing.raster import Raster
-from hilbertvae.gaps import INSIDE, Gaps
+from hilbertvae.gaps import Gaps
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.reports.site_view import one_gap
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import Site
 
@@ -83,8 +82,8 @@ class SiteMaps:
     maps: dict[str, np.ndarray]
 
     @classmethod
-    def draw(cls, site: Site, gaps: Gaps, mappers: Mapping[str, Mapper]) -> SiteMaps:
-        """Ask every mapper, already fitted on `gaps.cut(site.fit)`, at each cell of the map's resolution."""
+    def draw(cls, site: Site, gaps: Gaps, shown: Cloud, mappers: Mapping[str, Mapper]) -> SiteMaps:
+        """Ask every mapper, already fitted on `shown` of the site, outside of `gaps`, at each cell of the map's resolution."""
         # Windows around gaps at the site's edge stay inside: where a mapper was not asked, white paper would look like free space.
         reach = ZOOM * gaps.radius_m[:, None]
         held = np.concatenate([site.voxels.points, gaps.centres - reach, gaps.centres + reach])
@@ -93,9 +92,9 @@ class SiteMaps:
             site.name,
             raster,
             gaps,
-            _hidden(site.voxels, gaps),
+            gaps.count(site.voxels.points[site.voxels.occupied]),
             raster.codes(site.voxels),
-            raster.codes(gaps.cut(site.fit)),
+            raster.codes(shown),
             {name: raster.probability(mapper) for name, mapper in mappers.items()},
         )
 
@@ -107,11 +106,6 @@ class SiteMaps:
         order = np.argsort(-self.hidden, kind="stable")
         ranks = np.linspace(0, (len(order) - 1) / 2, min(count, (len(order) + 1) // 2)).round().astype(int)
         return sorted(order[ranks].tolist())
-
-
-def _hidden(cloud: Cloud, gaps: Gaps) -> np.ndarray:
-    occupied = cloud.points[cloud.occupied]
-    return np.array([np.count_nonzero(one_gap(gaps, gap).part(occupied) == INSIDE) for gap in range(len(gaps.centres))])
 
 
 def site_map_picture(site_maps: SiteMaps, zooms: int = 6) -> Figure:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import ndimage
 
-from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
+from hilbertvae.cloud import Cloud, labelled_voxels
 from hilbertvae.drawing.field import Field
 from hilbertvae.gaps import INSIDE, Gaps
 from hilbertvae.ground import ABOVE_GROUND_M, Ground
@@ -58,9 +58,8 @@ class SiteView:
     """As `map`, by a mapper whose weights are calibrated for points (the paper's reading), if there is one."""
 
     @classmethod
-    def draw(cls, site: Site, gaps: Gaps, mapper: Mapper, by_points: Mapper | None = None) -> SiteView:
-        """Ask a mapper, already fitted on `gaps.cut(site.fit)`, at each voxel near that cloud; `by_points`, too."""
-        cloud = gaps.cut(site.fit)
+    def draw(cls, site: Site, gaps: Gaps, cloud: Cloud, mapper: Mapper, by_points: Mapper | None = None) -> SiteView:
+        """Ask a mapper, already fitted on `cloud`, what is shown of the site outside of `gaps`, at each voxel near it; `by_points`, too."""
 
         def field(mapper: Mapper) -> Field:
             return Field.near(mapper.predict_map, cloud.points, site.resolution_m)
@@ -71,7 +70,8 @@ class SiteView:
             centres, height = centres[chosen], height[chosen]
             return Voxels(centres, height, mapper.predict_map(centres) if probability is None else probability[chosen])
 
-        shown, truth = voxels(_voted(cloud, site.resolution_m)), voxels(site.voxels.points[site.voxels.occupied])
+        labelled = labelled_voxels(cloud, site.resolution_m)
+        shown, truth = (voxels(seen.points[seen.occupied]) for seen in (labelled, site.voxels))
         sensors = site.scans.origins[np.unique(site.scans.scan, return_index=True)[1]]
         asked = field(mapper)
         mapped = voxels(*asked.above(OCCUPIED_ABOVE))
@@ -83,17 +83,6 @@ class SiteView:
         return self.gaps.part(voxels.centres) == INSIDE
 
 
-def _voted(cloud: Cloud, resolution_m: float) -> np.ndarray:
-    """(V, 3) centres of the voxels that are occupied by the votes of the cloud's points."""
-    index = voxel_index(cloud.points, resolution_m)
-    low = index.min(axis=0)
-    shape = tuple(index.max(axis=0) - low + 1)
-    found, place = np.unique(np.ravel_multi_index(tuple((index - low).T), shape), return_inverse=True)
-    votes, hits = (np.bincount(place, weights=w, minlength=len(found)) for w in (cloud.weight, cloud.weight * cloud.occupied))
-    chosen = found[hits >= np.maximum(OCCUPIED_SHARE * votes, 1e-12)]
-    return (np.stack(np.unravel_index(chosen, shape), axis=1) + low + 0.5) * resolution_m
-
-
 def one_gap(gaps: Gaps, gap: int) -> Gaps:
     """The gap of that number alone."""
     return replace(gaps, centres=gaps.centres[[gap]], radius_m=gaps.radius_m[[gap]])
@@ -102,7 +91,7 @@ def one_gap(gaps: Gaps, gap: int) -> Gaps:
 def fullest_gap(view: SiteView) -> int:
     """The number of the gap that hides the most occupied voxels above ground."""
     above = view.truth.centres[view.truth.height_m > ABOVE_GROUND_M]
-    return int(np.argmax([np.count_nonzero(one_gap(view.gaps, gap).part(above) == INSIDE) for gap in range(len(view.gaps.centres))]))
+    return int(np.argmax(view.gaps.count(above)))
 
 
 def telling_gaps(view: SiteView, count: int = 5) -> dict[int, str]:
@@ -111,10 +100,9 @@ def telling_gaps(view: SiteView, count: int = 5) -> dict[int, str]:
     The choice knows the truth and no mapper's answer.
     """
     above = view.truth.select(view.truth.height_m > ABOVE_GROUND_M)
-    hidden = [one_gap(view.gaps, gap).part(above.centres) == INSIDE for gap in range(len(view.gaps.centres))]
-    number = np.array([np.count_nonzero(chosen) for chosen in hidden])
+    hiding, number = view.gaps.gap_of(above.centres), view.gaps.count(above.centres)
     order = [int(gap) for gap in np.argsort(-number, kind="stable") if number[gap]]
-    size = {gap: _object_size(view, above, gap, hidden[gap]) for gap in order}
+    size = {gap: _object_size(view, above, gap, hiding == gap) for gap in order}
     cars = [gap for gap in order if CAR_M[0] <= size[gap][0] <= CAR_M[1] and CAR_M[0] <= size[gap][1] <= LONGEST_CAR_M]
     trees = [gap for gap in order if size[gap][0] > TREE_M and size[gap][1] <= WIDEST_TREE_M]
     chosen = {gap: "as large as a car" for gap in cars[:1]} | {gap: "as large as a tree" for gap in trees[:1]}

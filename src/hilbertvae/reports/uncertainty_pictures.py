@@ -22,8 +22,8 @@ COMPLETIONS = 3
 def uncertainty_picture(mapper: HilbertMap, site: Site, gaps: Gaps, chosen: list[int]) -> Figure:
     """A gap a row: truth | map | its spread (`predict_std`) | what each of the nearest grids makes of it alone; in 3D a slice at the gap.
 
-    mapper: fitted on `gaps.cut(site.fit)`. The single grids are completions of one place from different surroundings, not samples from a
-    posterior: where they differ the map is unsure, and the spread is made of them.
+    mapper: fitted on what is shown of the site. The single grids are completions of one place from different surroundings, not samples
+    from a posterior: where they differ the map is unsure, and the spread is made of them.
     """
     titles = ["truth", "map", "spread", *(f"grid {number + 1} alone" for number in range(COMPLETIONS))]
     side = 2.2

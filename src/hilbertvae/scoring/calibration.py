@@ -10,8 +10,10 @@ from itertools import product
 
 import numpy as np
 
+from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import OUTSIDE, RIM, random_gaps
+from hilbertvae.grids.cluster_grids import GridSettings, find_frames
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.newton_logistic import logistic_weights
 from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, RankWeights, fit_rank_weights
@@ -24,6 +26,16 @@ HEARS_SPREAD = {2: True, 3: False}
 """Whether a weight is learned for how far boxes disagree: in 2D that helps some networks, and others learn next to none; in 3D it is wrong
 on the next gap seed already (docs/decisions.md, "Weights that hold on other sites")."""
 LEARNING = "Learning the map's weights"
+
+
+def check_learnable(site: Site, grid: GridSettings, gap_diameter_m: float, seeds: list[int]) -> None:
+    """An `InputError` if a site is too small to learn a map's weights on: no gap fits into it, or what is left around gaps makes no
+    cluster. Who trains a network asks before, not after, since a training may take a day."""
+    for seed in seeds:
+        shown = random_gaps(site.fit, gap_diameter_m, site.resolution_m, seed).cut(site.fit)
+        if not len(find_frames(shown, grid, seed)):
+            within = f"{grid.minimum_points} voxels with returns within {grid.cluster_diameter_m / 2:g} m"
+            raise InputError(f"expected more than {within} somewhere, outside of gaps of {gap_diameter_m:g} m")
 
 
 def learn_rank_weights(

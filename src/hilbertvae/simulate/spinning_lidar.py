@@ -1,4 +1,4 @@
-"""A spinning lidar on a car's roof: the lasers of three real models, the way they turn, and their faults."""
+"""A spinning lidar on a car's roof: the lasers of real models, the way they turn, and their faults."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def read_starts(folder: Path, kind: str | None = None) -> Study:
     _, size, jobs = read_kind(folder, kind)
     paths = sorted(folder.glob(f"*/{NAME}"))
     strangers = [path.parent.name for path in paths if jobs is not None and path.parent.name not in jobs]
-    files = [_read(path) for path in paths if path.parent.name not in strangers]
+    files = [read_starts_file(path) for path in paths if path.parent.name not in strangers]
     if not files:
         raise InputError(f"{folder}: expected <job>/{NAME}, found none")
     refused = {file.name: why for file in files if (why := refusal(folder / file.name))}
@@ -81,7 +81,8 @@ def read_starts(folder: Path, kind: str | None = None) -> Study:
     return study
 
 
-def _read(path: Path) -> StartsFile:
+def read_starts_file(path: Path) -> StartsFile:
+    """One job's file; an `InputError` that names file and key for one that is damaged."""
     content = read_json(path)
     if content.get("schema_version") != SCHEMA_VERSION:
         raise InputError(f"{path}: schema_version: expected {SCHEMA_VERSION}, got {content.get('schema_version')!r:.60}")

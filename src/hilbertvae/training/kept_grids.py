@@ -59,7 +59,7 @@ def build_all(jobs: list[tuple[str, int]], settings: Settings) -> list[Path]:
 
 def is_voted(settings: Settings) -> bool:
     """Whether targets say how many votes each cell has."""
-    return settings.likelihood.vote_power > 0
+    return settings.likelihood.vote_power > 0 and settings.likelihood.kind != "gaussian"  # which counts no cell for more than another
 
 
 def grids_hash(contents: dict, seed: int, settings: Settings) -> str:

@@ -28,6 +28,8 @@ from hilbertvae.reconstruction.precision import training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.run_state import CHECKPOINTS, TRAINING, clear
 from hilbertvae.reports.tensorboard import FLUSH_S
+from hilbertvae.scans.formats import is_scan_path
+from hilbertvae.scoring.calibration import check_learnable
 from hilbertvae.training.checkpoints import AtomicCheckpoints, MovableCheckpoint, PatienceOnce
 from hilbertvae.training.devices import check_accelerator, training_device
 from hilbertvae.training.foreign_code import foreign_source
@@ -35,6 +37,7 @@ from hilbertvae.training.grids_datamodule import GridsDataModule
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
 from hilbertvae.training.kept_grids import GRID_SOURCES, code_hash
 from hilbertvae.training.kept_network import KeptNetwork
+from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.plain_settings import plain_settings
 from hilbertvae.training.reconstruction_module import ReconstructionModule
 from hilbertvae.training.scoring import Writer, score, use_threads
@@ -112,6 +115,8 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
     output = Path(settings.output)
     L.seed_everything(settings.seed, verbose=False)
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)  # its tips and device lists, twice under Hydra
+    if not (output / CHECKPOINTS / "last.ckpt").exists():
+        _check_calibration_sites(settings)
     resume = _last_epoch(output, settings)
     best = MovableCheckpoint(output / CHECKPOINTS, "best", enable_version_counter=False, **BEST)
     # One of its own: `save_last` writes only where an epoch was the best so far, and a resumed run would go back to that.
@@ -156,6 +161,16 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
                 os.environ.pop(name, None)
                 os.environ.update({name: value} if value is not None else {})
     return after_fit.checkpoint
+
+
+def _check_calibration_sites(settings: Settings) -> None:
+    """An `InputError` for a site of somebody's own from which no map's weights can be learned; those of the catalogue are large enough, as
+    are simulated ones, and the one to validate on is asked by its grids."""
+    for reference in filter(is_scan_path, settings.data.calibrate):
+        try:
+            check_learnable(opened_site(reference, settings), settings.grid, settings.validation_gap_m, settings.calibration_seeds)
+        except InputError as error:
+            raise InputError(f"data.calibrate: {reference}: {error}") from error
 
 
 def _precision(settings: Settings) -> str:
