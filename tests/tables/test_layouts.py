@@ -9,7 +9,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.drawing.canvas import pixels
 from hilbertvae.tables.cases import natural
 from hilbertvae.tables.layouts import LAYOUTS, read_page
-from toy_sweeps import declare, lines_with, put, put_failed, rows_of_csv, scores_of
+from toy_sweeps import declare, put, put_failed, rows_of_csv, scores_of
 
 ZEROS = [0.0, 0.0]
 
@@ -215,18 +215,3 @@ def test_cases_stand_in_the_order_of_their_numbers():
     assert sorted(names, key=natural) == ["2m", "default", "dropout-0.25", "dropout-0.3", "k-1", "k-9", "k-10"]
     assert sorted([(True, "k-9"), (False, "z"), (True, "k-10")], key=natural) == [(False, "z"), (True, "k-9"), (True, "k-10")]
     assert sorted([(12.8, 2.5), (3.2, 5.0)], key=natural) == [(3.2, 5.0), (12.8, 2.5)]
-
-
-def test_recipes(tmp_path):
-    trainer = {"epochs": 1, "steps_per_epoch": 3, "batch_size": 4}
-    for seed, value in ((0, 0.4), (1, 0.6)):
-        mappers = {"cvae-hm": [value, value + 0.2], "nearest": ZEROS, "lard-hm": ZEROS}
-        put(tmp_path, f"gated-seed{seed}", mappers, config={"trainer": trainer, "data": {}})
-    page = read_page(tmp_path, "recipes")
-    (row,) = table(page)
-    assert (row["case"], row["mapper"], row["n"]) == ("gated", "cvae-hm", "2×2")
-    assert lines_with(page.markdown(), "gated")[0].count("60.0±14.1") == 7  # 0.5 and 0.7
-    assert inked(page)
-    put(tmp_path, "gated-seed1", {"cvae-hm": ZEROS}, config={"trainer": trainer | {"steps_per_epoch": 4}, "data": {}})
-    with pytest.raises(InputError, match="gated-seed1/result.json: config.trainer.steps_per_epoch: 4, but 3 in "):
-        read_page(tmp_path, "recipes")

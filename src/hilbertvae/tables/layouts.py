@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hilbertvae.checks import InputError
-from hilbertvae.tables import gap_size, generalise, recipes
+from hilbertvae.tables import gap_size, generalise
 from hilbertvae.tables.ablation import ablation_page
 from hilbertvae.tables.alike import check_alike, origin_notes
 from hilbertvae.tables.clustering import read_starts
@@ -17,7 +17,6 @@ from hilbertvae.tables.latent import latent_page
 from hilbertvae.tables.measure import ceiling_note
 from hilbertvae.tables.methods import methods_page
 from hilbertvae.tables.page import Page
-from hilbertvae.tables.recipes import recipes_page
 from hilbertvae.tables.starts import starts_page
 from hilbertvae.tables.sweep import SWEEP, Sweep, read_kind, read_sweep
 from hilbertvae.tables.tradeoff import tradeoff_page
@@ -58,7 +57,6 @@ LAYOUTS: dict[str, Layout | StartsLayout] = {
     "tradeoff": Layout(tradeoff_page),
     "ablation": Layout(ablation_page),
     "generalise": Layout(generalise_page, varies=generalise.VARIES, same=generalise.SAME),
-    "recipes": Layout(recipes_page, same=recipes.SAME),
 }
 
 

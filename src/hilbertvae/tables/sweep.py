@@ -22,7 +22,7 @@ from hilbertvae.scoring.result import Result
 from hilbertvae.tables.recipe import check_same_recipe
 
 SWEEP = "sweep.json"
-KINDS = ("table1", "table2", "fig2", "fig6", "fig7", "tradeoff", "ablation", "generalise", "recipes")
+KINDS = ("table1", "table2", "fig2", "fig6", "fig7", "tradeoff", "ablation", "generalise")
 """What there are tables for (`layouts.py`)."""
 SIZES = ("quick", "full")
 JOB = re.compile(r"(?P<case>.+)-seed(?P<seed>\d+)")
