@@ -3,6 +3,7 @@ import pytest
 from reports_toys import reconstructor
 
 from hilbertvae.gaps import Gaps
+from hilbertvae.grids.cluster_grids import bin_grids, find_frames
 from hilbertvae.reconstruction.reconstructor import Completion
 from hilbertvae.reports.cluster_pictures import (
     completion_rows,
@@ -87,7 +88,9 @@ def test_pipeline_selects_the_cluster_that_lost_most(dimension):
     site = room(dimension)
     centre = [2.0, 0.2, 1.0][:dimension]
     shown = Gaps(np.array([centre]), np.array([0.7]), site.resolution_m).cut(site.fit)
-    figure = pipeline_picture(shown, reconstructor(dimension), site.fit)
+    made = reconstructor(dimension)
+    frames = find_frames(shown, made.grid, 0)
+    figure = pipeline_picture(shown, made, frames, *(bin_grids(cloud, frames, made.grid) for cloud in (shown, site.fit)))
     titles = [axes.get_title(loc="left") for axes in figure.axes if axes.get_title(loc="left")]
     assert titles == ["cloud", "cluster", "aligned grid", "reconstruction", "truth"]
     box, ball = figure.axes[0].patches

@@ -25,7 +25,7 @@ from hilbertvae.drawing.canvas import (
 from hilbertvae.drawing.colours import ERROR, FREE_POINT_COLOUR, PROBABILITY, SELECTED_COLOUR
 from hilbertvae.drawing.raster import Raster
 from hilbertvae.grids.aligned_grid import OCCUPIED, UNKNOWN
-from hilbertvae.grids.cluster_grids import bin_grids, bin_shown, find_frames, labels_of
+from hilbertvae.grids.cluster_grids import bin_shown
 from hilbertvae.grids.frame import Frames
 from hilbertvae.mappers.hilbert_map import SHOWN_FROM
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
@@ -53,20 +53,16 @@ def fullest_layer(target: np.ndarray) -> int | None:
     return int((target == OCCUPIED).sum(axis=(0, 1)).argmax()) if target.ndim == 3 else None
 
 
-def pipeline_picture(cloud: Cloud, reconstructor: Reconstructor, whole: Cloud, seed: int = 0) -> Figure:
+def pipeline_picture(cloud: Cloud, reconstructor: Reconstructor, frames: Frames, shown: np.ndarray, target: np.ndarray) -> Figure:
     """Fig. 3: the cloud with one cluster selected, the cluster, its aligned grid, its reconstruction, and the truth.
 
-    cloud: what the mapper is given; whole: what that was cut from. The cluster is the one from which the most
-    occupied cells were cut. In 3D all panels show one layer of that grid.
+    cloud: what the mapper is given; frames: its clusters'; shown, target: int8 codes (M, n, ..., n) of it in these, and of what it was cut
+    from. The cluster is the one from which the most occupied cells were cut. In 3D all panels show one layer of that grid.
     """
     settings = reconstructor.grid
-    frames = find_frames(cloud, settings, seed)
-    grids = bin_shown(cloud, frames, settings, reconstructor.detailed)
-    shown = labels_of(grids, reconstructor.dimension)
-    target = bin_grids(whole, frames, settings)
     cluster = int(_hidden(shown, target).argmax())
     layer = fullest_layer(target[cluster])
-    values = reconstructor.reconstruct(grids[[cluster]])[0]
+    values = reconstructor.reconstruct(bin_shown(cloud, frames.select(slice(cluster, cluster + 1)), settings, reconstructor.detailed))[0]
     probability = kernel_probability(values, reconstructor.likelihood.kind)
 
     titles = ["cloud", "cluster", "aligned grid", "reconstruction", "truth"]

@@ -20,7 +20,7 @@ from hilbertvae.drawing.mesh_tab import add_surface
 from hilbertvae.drawing.surface import Surface, field_surface, write_ply
 from hilbertvae.files import atomic
 from hilbertvae.gaps import INSIDE
-from hilbertvae.grids.cluster_grids import bin_grids, bin_shown, find_frames, labels_of
+from hilbertvae.grids.cluster_grids import bin_grids, bin_shown, find_frames
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -199,17 +199,17 @@ def _network_figures(mapper: HilbertMap, site: Site, shown: Cloud) -> dict[str, 
     conditional one several completions of each gap."""
     network = mapper.reconstructor
     frames = find_frames(shown, network.grid, mapper.seed)
-    grids, target = bin_shown(shown, frames, network.grid, network.detailed), bin_grids(site.whole, frames, network.grid)
-    labels = labels_of(grids, site.dimension)
+    labels, target = (bin_grids(cloud, frames, network.grid) for cloud in (shown, site.whole))
     chosen = gapped_clusters(labels, target)
-    figures = {"pipeline": pipeline_picture(shown, network, site.whole, mapper.seed)}
-    draws = network.draws(grids[chosen], COMPLETIONS)
+    grids = bin_shown(shown, frames.select(chosen), network.grid, network.detailed)
+    figures = {"pipeline": pipeline_picture(shown, network, frames, labels, target)}
+    draws = network.draws(grids, COMPLETIONS)
     if draws is None:
         figures |= {"prior": prior_picture(network)} if decodes_alone(network) else {}
     elif len(chosen):
-        guess = network.complete(grids[chosen], flips=1)
+        guess = network.complete(grids, flips=1)
         figures["completions"] = completion_rows(labels[chosen], target[chosen], guess, draws, network.likelihood.kind)
     if len(chosen):
-        values = network.reconstruct(grids[chosen], mapper.flips_)
+        values = network.reconstruct(grids, mapper.flips_)
         figures["reconstructions"] = reconstruction_rows(labels[chosen], target[chosen], values, network.likelihood.kind)
     return figures
