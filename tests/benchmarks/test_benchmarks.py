@@ -19,6 +19,7 @@ NEEDED = {
     "streaming": ["octomap", "embreex"],
     "map_command": ["octomap", "embreex", "trimesh"],
     "octomap_rays": ["octomap", "embreex"],
+    "rooms": ["embreex", "shapely"],
 }
 
 
