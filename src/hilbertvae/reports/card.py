@@ -27,7 +27,7 @@ TERMS = {
 LIMITS = {
     2: "Made for buildings at {at}: outdoors, or at another resolution, it has never been tried.",
     3: "Made for streets at {at}, with the vertical as the third axis: thin poles, the far ends of cars and hedges are guessed coarsely, "
-    "and rooms have never been tried.",
+    'and rooms have been tried in simulation alone (docs/decisions.md, "Rooms in space").',
 }
 """`at`: which cells and boxes."""
 GUESSES = (
