@@ -11,13 +11,11 @@ import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
-
-from hilbertvae.last_few import LastFew
 
 HASHED = 256
 """Paths whose hashes are remembered."""
-_hashes = LastFew(HASHED)
 TEMPORARY = re.compile(r"\..*-[0-9a-f]{8}(\.[^.]*)?")
 """The names of `atomic`'s temporary files."""
 
@@ -105,8 +103,13 @@ def folder_sha256(folder: str | os.PathLike) -> str:
 def path_sha256(path: str | os.PathLike) -> str:
     """The sha256 of a file, or of a folder's names and files; read once while they stay as they are, since a run asks for the hash of a
     site wherever it names it, and sites may have many gigabytes."""
-    key = os.path.realpath(path), file_stamps(path)
-    return _hashes.get(key, lambda: folder_sha256(path) if Path(path).is_dir() else file_sha256(path))
+    return _sha256_while(Path(os.path.realpath(path)), file_stamps(path))
+
+
+@lru_cache(HASHED)
+def _sha256_while(path: Path, stamps: tuple[tuple, ...]) -> str:
+    """`path_sha256` of a path while its `file_stamps` are these."""
+    return folder_sha256(path) if path.is_dir() else file_sha256(path)
 
 
 def file_stamps(path: str | os.PathLike) -> tuple[tuple, ...]:
