@@ -10,7 +10,7 @@ from torch import nn
 
 from hilbertvae.checks import InputError
 from hilbertvae.training.optimizers import NEWTON_SCHULZ, OPTIMIZERS, ROUNDS, Muon, orthogonalised, parameter_groups
-from hilbertvae.training.settings import OPTIMIZER_KINDS, TrainerSettings
+from hilbertvae.training.trainer_settings import OPTIMIZER_KINDS, TrainerSettings
 
 RATE, DECAY = 0.01, 0.1
 
