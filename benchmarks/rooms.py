@@ -24,6 +24,7 @@ from hilbertvae.scoring.protocol_settings import Protocol
 from hilbertvae.simulate.drive import drive, poses_along
 from hilbertvae.simulate.floor_plan import FloorPlan, draw_floor_plan
 from hilbertvae.simulate.free_space import find_free_space
+from hilbertvae.simulate.laser import extrude
 from hilbertvae.simulate.shapes import edges
 from hilbertvae.simulate.soup import Soup, Surface, joined, quads, soup
 from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar, rays, sense_turn
@@ -61,9 +62,8 @@ def scene(rng: np.random.Generator, plan: FloorPlan) -> Soup:
 
 def sides(polygon, height: float, surface: Surface) -> Soup:
     """Upright faces over a polygon's edges."""
-    low = np.concatenate([found := edges([polygon]), np.zeros((*found.shape[:2], 1))], axis=2)
-    high = low + [0.0, 0.0, height]
-    return quads(np.stack([low[:, 0], low[:, 1], high[:, 1], high[:, 0]], axis=1), surface)
+    vertices, faces = extrude(edges([polygon]), 0.0, height)
+    return soup(vertices[faces], surface)
 
 
 def prism(polygon, height: float, lid: bool) -> Soup:
