@@ -221,6 +221,7 @@ def test_the_mean_of_a_network_and_what_was_made_of_it(folder, trained, tmp_path
     [
         ("3d", DataSettings(street=StreetSettings(variety="wide")), ["simulated:7"], " (streets of wide variety)"),
         ("3d", DataSettings(street=StreetSettings(variety="wide")), ["hall"], ""),
+        ("3d", DataSettings(street=StreetSettings(variety="everywhere")), ["simulated:7"], " (streets and floors of everywhere variety)"),
         ("3d", DataSettings(simulated_variety="wide"), ["simulated:7"], ""),
         ("2d", DataSettings(simulated_variety="wide"), ["simulated:7"], " (buildings of wide variety)"),
         ("2d", DataSettings(), ["simulated:7"], ""),

@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("embreex")
 shapely = pytest.importorskip("shapely")
 
-from hilbertvae.simulate import floor_plan, furniture  # noqa: E402
+from hilbertvae.simulate import floor_plan, furniture, openings  # noqa: E402
 from hilbertvae.simulate.floor_plan import draw_floor_plan  # noqa: E402
 from hilbertvae.simulate.free_space import find_free_space, inside  # noqa: E402
 from hilbertvae.simulate.layouts import LAYOUTS, Sketch  # noqa: E402
@@ -63,15 +63,15 @@ def test_windows_are_in_outer_walls(monkeypatch):
 
 @pytest.mark.parametrize("style", LAYOUTS)
 def test_shut_doors_stay_within_their_wall(style, monkeypatch):
-    really = floor_plan._hang_door
-    monkeypatch.setattr(floor_plan, "_hang_door", lambda *given: really(*(False if isinstance(g, bool) else g for g in given)))
+    really = openings._hang_door
+    monkeypatch.setattr(openings, "_hang_door", lambda *given: really(*(False if isinstance(g, bool) else g for g in given)))
     doors = shut = 0
     for seed in range(12):
         rng = np.random.default_rng(seed)
         sketch = Sketch(wall_m=rng.uniform(0.1, 0.36), outer_wall_m=0.3)
         LAYOUTS[style](rng, sketch, 30.0)
-        openings, leaves, _ = floor_plan._doors(rng, sketch)
-        doors, shut = doors + len(openings), shut + len(leaves)
+        cut, leaves, _ = openings.draw_doors(rng, sketch)
+        doors, shut = doors + len(cut), shut + len(leaves)
         for leaf in leaves:
             assert not any(floor.polygon.intersects(leaf.buffer(-0.0011)) for floor in sketch.floors)
     assert shut > max(50, 0.95 * doors)
@@ -86,17 +86,16 @@ def test_furniture_stays_on_floors_and_leaves_most_of_them_free(style):
     assert 0.5 * area < free <= area + 0.1
 
 
-def test_furniture_leaves_free_what_lies_before_doors(monkeypatch):
-    stood, really = [], furniture.furnish
+def test_furniture_leaves_free_what_lies_before_doors():
+    stood = []
 
     def furnish(rng, floor, amount, keep_clear):
-        pieces = really(rng, floor, furniture.CRAMMED, keep_clear)
+        pieces = furniture.furnish(rng, floor, furniture.CRAMMED, keep_clear)
         stood.append((pieces, keep_clear))
         return pieces
 
-    monkeypatch.setattr(furniture, "furnish", furnish)
     for seed in range(3):
-        draw_floor_plan(np.random.default_rng(seed), 15.0, "corridors")
+        draw_floor_plan(np.random.default_rng(seed), 15.0, "corridors", furnish)
     assert sum(len(pieces) for pieces, _ in stood) > 100
     for pieces, keep_clear in stood:
         assert keep_clear.area > 1.0 and not shapely.intersects(keep_clear, pieces).any()

@@ -84,3 +84,16 @@ def test_a_street_of_wide_variety_stays_what_it_is():
         (2, 1394): (16.841, 3.148, 2.943),
     }
     check(scans, 2701, (0.9623, 0.5739, -0.1563), returns)
+
+
+def test_a_floor_stays_what_it_is():
+    scans = simulate_street(StreetSettings(variety="floors", azimuths=90, scans=3, single_scan_share=0.0), 1)
+    returns = {
+        (0, 0): (12.713, 0.232, 0.361),
+        (0, 972): (-0.56, 0.89, -0.102),
+        (1, 230): (2.998, -0.687, 0.024),
+        (1, 1203): (1.936, 1.168, 0.368),
+        (2, 465): (3.106, -0.651, 0.377),
+        (2, 1439): (8.375, 0.676, -1.204),
+    }
+    check(scans, 3473, (2.6188, 0.1534, -0.0388), returns)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hilbertvae.simulate.floor import SENSORS_INDOORS
 from hilbertvae.simulate.spinning_lidar import SENSORS
 from hilbertvae.simulate.street import CHARACTERS, StreetSettings, draw_lidar, simulate_street
 from hilbertvae.simulate.street_variety import HILLY, VARIETIES, Mount, draw_character, draw_mount, hilly, picked
@@ -19,8 +20,8 @@ def test_shares_sum_to_one_and_name_what_there_is(variety):
     assert set(variety.where) <= set(variety.sensors) and all(set(where) <= set(CHARACTERS) for where in variety.where.values())
 
 
-def test_wide_streets_have_all_sensors():
-    assert set(WIDE.sensors) == set(SENSORS)
+def test_wide_streets_and_floors_have_all_sensors():
+    assert set(WIDE.sensors) | set(SENSORS_INDOORS) == set(SENSORS) and sum(SENSORS_INDOORS.values()) == pytest.approx(1)
 
 
 def test_shares_are_those_that_are_drawn():

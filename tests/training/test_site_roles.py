@@ -108,8 +108,9 @@ def test_what_would_take_long_to_read_is_known_by_its_path(tmp_path, monkeypatch
 
 
 @pytest.mark.parametrize("first", [0, 1600])
-def test_a_card_says_which_simulated_sites_it_was(first):
-    card = {"trained_on": [many_simulated(3, 5, first)]}
+@pytest.mark.parametrize("kind", ["buildings", "streets", "streets and floors"])
+def test_a_card_says_which_simulated_sites_it_was(first, kind):
+    card = {"trained_on": [many_simulated(kind, 5, first)]}
     for site in range(first, first + 5):
         with pytest.raises(InputError, match=f"simulated:{site} is among"):
             check_unseen([f"simulated:{site}"], card, "data.test", "the network")

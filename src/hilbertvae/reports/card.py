@@ -14,6 +14,7 @@ from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.score_table import NOTHING, as_percent, markdown, mean_and_spread, told_given
 from hilbertvae.scans.sites import find_site
 from hilbertvae.scoring.result import Result, asked
+from hilbertvae.simulate.street_variety import VARIETIES
 from hilbertvae.site import SIMULATED
 
 TERMS = {
@@ -77,7 +78,8 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
 def _drawn(card: dict, dimension: int) -> str:
     """How simulated sites among them differ, where that is not as usual, as more words; older cards don't say."""
     data = card.get(LEARNED_AS, {}).get("data", {})
-    kind, variety = ("buildings", data.get("simulated_variety")) if dimension == 2 else ("streets", data.get("street", {}).get("variety"))
+    variety = data.get("simulated_variety") if dimension == 2 else data.get("street", {}).get("variety")
+    kind = "buildings" if dimension == 2 else VARIETIES[variety or "usual"].kind
     told = variety not in (None, "usual") and any(site.startswith(SIMULATED) for site in calibrated_on(card))
     return f" ({kind} of {variety} variety)" if told else ""
 

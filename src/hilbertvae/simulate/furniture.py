@@ -32,13 +32,13 @@ BARE_PASSAGE = Furnishing(0.05, 0.0, 0.0, 0.001, 0.001, 0.15)
 
 def furnish(rng: np.random.Generator, floor: shapely.Polygon, amount: Furnishing, keep_clear) -> list[shapely.Polygon]:
     """Solid polygons that stand on `floor` and leave `keep_clear` (what lies before doors) free."""
-    area_m2, angle = floor.area, _main_angle(floor)
+    area_m2, angle = floor.area, main_angle(floor)
     pieces = [
         _along_walls(rng, floor, rng.poisson(amount.along_walls_per_m * floor.length), amount.deepest_m),
         _tables(rng, floor, rng.poisson(amount.tables_per_m2 * area_m2), angle),
-        _chairs(rng, _places(rng, floor, rng.poisson(amount.chairs_per_m2 * area_m2)), rng.uniform(0, np.pi)),
-        _clutter(rng, _places(rng, floor, rng.poisson(amount.clutter_per_m2 * area_m2))),
-        _people(rng, _places(rng, floor, rng.poisson(amount.people_per_m2 * area_m2))),
+        _chairs(rng, scattered(rng, floor, rng.poisson(amount.chairs_per_m2 * area_m2)), rng.uniform(0, np.pi)),
+        _clutter(rng, scattered(rng, floor, rng.poisson(amount.clutter_per_m2 * area_m2))),
+        _people(rng, scattered(rng, floor, rng.poisson(amount.people_per_m2 * area_m2))),
     ]
     pieces = np.concatenate([piece for piece in pieces if len(piece)] or [np.empty(0, dtype=object)])
     if len(pieces) == 0:
@@ -51,7 +51,7 @@ def furnish(rng: np.random.Generator, floor: shapely.Polygon, amount: Furnishing
     return list(pieces[fits])
 
 
-def _main_angle(floor) -> float:
+def main_angle(floor) -> float:
     """Direction of the longest wall, radians."""
     corners = shapely.get_coordinates(floor.exterior)
     steps = np.diff(corners, axis=0)
@@ -59,7 +59,7 @@ def _main_angle(floor) -> float:
     return float(np.arctan2(longest[1], longest[0]))
 
 
-def _places(rng, floor, count: int) -> np.ndarray:
+def scattered(rng, floor, count: int) -> np.ndarray:
     """(K, 2) about `count` places on `floor`: in half of the cases all over it, else in a few clumps, mostly near a wall."""
     if count == 0:
         return np.empty((0, 2))
@@ -95,7 +95,7 @@ def _along_walls(rng, floor, count: int, deepest_m: float) -> np.ndarray:
 
 def _tables(rng, floor, count: int, angle: float) -> np.ndarray:
     """Tables on four legs (or boxes: counters, closed desks) with chairs around them."""
-    centres = _places(rng, floor, count)
+    centres = scattered(rng, floor, count)
     count = len(centres)
     if count == 0:
         return np.empty(0, dtype=object)

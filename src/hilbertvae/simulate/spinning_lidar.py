@@ -143,10 +143,29 @@ SENSORS = {
         range_noise_m=0.02,
         car=((0, -20, 26, 40), (180, -18, 10, 50)),
     ),
+    "os0": SpinningLidar(
+        elevations_deg=_steps(45.0, -45.0, 64),
+        start_heights_m=(0.0,) * 64,
+        azimuths=1024,
+        height_m=1.0,
+        max_range_m=45.0,
+        faintest=2e-5,
+        range_noise_m=0.015,
+    ),
+    "mid360": SpinningLidar(
+        elevations_deg=_steps(52.0, -7.0, 40),
+        start_heights_m=(0.0,) * 40,
+        azimuths=1000,
+        height_m=1.0,
+        max_range_m=40.0,
+        faintest=1.5e-5,
+        range_noise_m=0.02,
+    ),
 }
 """Lasers and hidden roads as measured in real scans: the HDL-64E of KITTI, whose blocks of 1/3 and 1/2 degree leave at two heights;
-the HDL-32E of nuScenes' cars; an OS1-64 on a small robot. A VLP-16, a VLP-32C and an OS1-128 have the lasers of their makers' data sheets,
-and the rest by what those three have."""
+the HDL-32E of nuScenes' cars; an OS1-64 on a small robot. A VLP-16, a VLP-32C, an OS1-128 and an OS0-64 have the lasers of their makers'
+data sheets, and the rest by what those three have. A Mid-360 draws no rings: forty of them stand for what a moment
+of its pattern covers."""
 
 
 def rays(lidar: SpinningLidar) -> tuple[np.ndarray, np.ndarray]:

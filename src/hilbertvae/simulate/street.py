@@ -9,8 +9,8 @@ import numpy as np
 from hilbertvae.checks import InputError, check_count, check_not_negative, check_positive, check_share, check_whole
 from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.laser import check_sim_extra
-from hilbertvae.simulate.pose_errors import wandering
-from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar, hidden_by_car, rays, sense_turn
+from hilbertvae.simulate.lidar_drive import rotations, scan_along
+from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar
 from hilbertvae.simulate.street_variety import VARIETIES, Mount, draw_character, draw_mount, hilly, picked
 
 CHARACTERS = tuple(VARIETIES["usual"].characters)
@@ -28,7 +28,8 @@ class StreetSettings:
     """What streets are drawn, and how they are scanned.
 
     variety: a key of `VARIETIES`. "usual": streets of cars as KITTI's and nuScenes'. "wide": also other sensors, on robots and tilted,
-    more paths and open land, on more uneven ground. character: one of `CHARACTERS`, or "any". sensor: a key of
+    more paths and open land, on more uneven ground. "floors": no streets, but floors of buildings; "everywhere": every other one a floor, the
+    others wide streets. character: one of `CHARACTERS`, or "any". sensor: a key of
     `spinning_lidar.SENSORS`, or "any": another one per site.
     azimuths, max_range_m, range_noise_m: firings in a turn, longest range and spread of ranges; None for the sensor's own.
     single_scan_share: of sites, those of one scan only; the others have 2 to `scans` scans, `shortest_step_m` to `longest_step_m` apart,
@@ -80,8 +81,8 @@ class StreetSettings:
                 f"{self.longest_step_m!r} m apart"
             )
         if self.max_range_m is None:
-            of_sensors = [SENSORS[self.sensor]] if self.sensor != "any" else SENSORS.values()
-            sees_m = min(lidar.max_range_m for lidar in of_sensors)
+            of_sensors = [self.sensor] if self.sensor != "any" else VARIETIES[self.variety].sensors
+            sees_m = min(SENSORS[sensor].max_range_m for sensor in of_sensors)
             if self.nearest_m >= sees_m:
                 raise InputError(f"street.nearest_m: expected less than the sensor's longest range ({sees_m!r}), got {self.nearest_m!r}")
         elif check_positive(self.max_range_m, "street.max_range_m") <= self.nearest_m:
@@ -101,11 +102,14 @@ def simulate_street(settings: StreetSettings, seed: int) -> Scans:
     """
     check_whole(seed, "seed")
     check_sim_extra()
+    from hilbertvae.simulate.floor import simulate_floor
     from hilbertvae.simulate.street_filling import add_traffic, fill
     from hilbertvae.simulate.street_plan import BEYOND_M, draw_street_plan
 
     for_plan, for_things, for_drive, for_laser, for_variety = (np.random.default_rng([seed, part]) for part in range(5))
     variety = VARIETIES[settings.variety]
+    if variety.floors and for_variety.random() < variety.floors:
+        return simulate_floor(settings, seed)
     sensor = settings.sensor if settings.sensor != "any" else picked(for_laser, variety.sensors)
     mount = draw_mount(for_variety, variety)
     lidar = draw_lidar(for_laser, sensor, settings, mount)
@@ -167,7 +171,7 @@ def draw_poses(
     left = ground.place(s, lane(s) + 0.8) - ground.place(s, lane(s) - 0.8)
     left -= (left * ahead).sum(axis=1, keepdims=True) * ahead
     left /= np.linalg.norm(left, axis=1, keepdims=True)
-    turn = np.stack([ahead, left, np.cross(ahead, left)], axis=-1) @ _rotations(np.deg2rad(rng.normal(0, [*tilt_deg, 0.5], (1, 3))))
+    turn = np.stack([ahead, left, np.cross(ahead, left)], axis=-1) @ rotations(np.deg2rad(rng.normal(0, [*tilt_deg, 0.5], (1, 3))))
     poses = np.tile(np.eye(4), (len(s), 1, 1))
     poses[:, :3, :3] = turn
     poses[:, :3, 3] = place + height_m * turn[:, :, 2]
@@ -177,52 +181,12 @@ def draw_poses(
 def scan_scene(rng: np.random.Generator, scene, poses: np.ndarray, lidar: SpinningLidar, settings: StreetSettings) -> Scans:
     """What the lidar returns at `poses` (S, 4, 4), placed where scan matching believes it was, relative to the first pose."""
     from hilbertvae.simulate.soup import joined
-    from hilbertvae.simulate.surfaces import SurfaceCaster
 
-    still, beams = SurfaceCaster(scene.soup()), rays(lidar)
-    hidden = hidden_by_car(rng, lidar)
-    bias = rng.normal(0, lidar.laser_bias_m, lidar.lasers)
     s0, _, s1, _ = scene.plan.extent
-    believed = np.linalg.inv(poses[0]) @ poses @ _errors(rng, len(poses), settings)
-    points, origins, scan, beam = [], [], [], []
-    for k, pose in enumerate(poses):
-        moved = (mover.at_scan(k) for mover in scene.movers)
-        there = [thing for thing in moved if s0 < thing.s < s1]  # oncoming ones start beyond the land
-        moving = joined([thing.in_world(scene.plan.ground) for thing in there])
-        casters = [still, SurfaceCaster(moving)] if len(moving) else [still]
-        ranges = sense_turn(rng, lidar, beams, casters, pose, bias, hidden)
-        azimuth, laser = np.nonzero(np.isfinite(ranges))
-        start, way = (part[azimuth, laser] for part in beams)
-        origin = start @ believed[k, :3, :3].T + believed[k, :3, 3]
-        origins.append(origin)
-        points.append(origin + ranges[azimuth, laser, None] * (way @ believed[k, :3, :3].T))
-        beam.append(azimuth * lidar.lasers + laser)
-        scan.append(np.full(len(azimuth), k))
-    return Scans(
-        np.concatenate(points), np.concatenate(origins), np.concatenate(scan).astype(np.int32), np.concatenate(beam).astype(np.int32)
-    )
 
+    def moving(k: int):
+        there = (mover.at_scan(k) for mover in scene.movers)
+        # oncoming ones start beyond the land
+        return joined([thing.in_world(scene.plan.ground) for thing in there if s0 < thing.s < s1])
 
-def _errors(rng, count: int, settings: StreetSettings) -> np.ndarray:
-    """(S, 4, 4): small motions that wander; none in the first."""
-    spread = [settings.pose_noise_m] * 3 + [np.deg2rad(settings.heading_noise_deg)] * 3
-    shocks = rng.normal(size=(count, 6)) * spread * rng.choice([0.6, 1.0, 1.5])
-    shocks[0] = 0
-    error = wandering(shocks)
-    motions = np.tile(np.eye(4), (count, 1, 1))
-    motions[:, :3, :3] = _rotations(error[:, 3:])
-    motions[:, :3, 3] = error[:, :3]
-    return motions
-
-
-def _rotations(angles: np.ndarray) -> np.ndarray:
-    """(S, 3, 3): turns by roll, pitch and heading (S, 3), radians."""
-    roll, pitch, yaw = angles.T
-    zero, one = np.zeros_like(roll), np.ones_like(roll)
-    matrices = [
-        [[np.cos(yaw), -np.sin(yaw), zero], [np.sin(yaw), np.cos(yaw), zero], [zero, zero, one]],
-        [[np.cos(pitch), zero, np.sin(pitch)], [zero, one, zero], [-np.sin(pitch), zero, np.cos(pitch)]],
-        [[one, zero, zero], [zero, np.cos(roll), -np.sin(roll)], [zero, np.sin(roll), np.cos(roll)]],
-    ]
-    about_z, about_y, about_x = (np.moveaxis(np.array(matrix), 2, 0) for matrix in matrices)
-    return about_z @ about_y @ about_x
+    return scan_along(rng, lidar, scene.soup(), poses, poses[0], (settings.pose_noise_m, settings.heading_noise_deg), moving)

@@ -23,6 +23,7 @@ class Variety:
 
     robots: share of sensors on small robots, which see no car of their own, lie lower, and are in parks `robots_in_parks` times as often.
     most_relief: ground in `HILLY` streets may be so many times as uneven, and as steep.
+    floors: share of sites that are no streets but floors of buildings (`floor.py`).
     """
 
     characters: dict[str, float]
@@ -31,6 +32,12 @@ class Variety:
     robots: float = 0.0
     robots_in_parks: float = 1.0
     most_relief: float = 1.0
+    floors: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        """What its sites are, in the plural."""
+        return "floors" if self.floors == 1 else "streets and floors" if self.floors else "streets"
 
 
 VARIETIES = {
@@ -49,6 +56,9 @@ VARIETIES = {
         most_relief=3.0,
     ),
 }
+
+VARIETIES["everywhere"] = replace(VARIETIES["wide"], floors=0.5)
+VARIETIES["floors"] = replace(VARIETIES["wide"], floors=1.0)
 
 
 def draw_character(rng: np.random.Generator, variety: Variety, sensor: str, robot: bool) -> str:

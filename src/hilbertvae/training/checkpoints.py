@@ -11,6 +11,7 @@ from lightning.pytorch.plugins.io import TorchCheckpointIO
 
 from hilbertvae.files import atomic
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.simulate.street_variety import VARIETIES
 from hilbertvae.training.learned_as import KEY, learned_as
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import many_simulated, own_sites
@@ -53,8 +54,9 @@ def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) 
     network = network.to("cpu")
     network.load_state_dict(weights)
     before = Reconstructor.load(settings.trainer.initial).card if settings.trainer.initial else None
+    kind = VARIETIES[settings.data.street.variety].kind if settings.dimension == 3 else "buildings"
     card = {
-        "trained_on": [*settings.data.train, many_simulated(settings.dimension, settings.data.simulated, settings.data.simulated_first)],
+        "trained_on": [*settings.data.train, many_simulated(kind, settings.data.simulated, settings.data.simulated_first)],
         "validated_on": settings.data.validate,
         "calibrated_on": settings.calibration_sites(),
         KEY: learned_as(settings),

@@ -15,7 +15,7 @@ from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.site import SIMULATED, site_name
 
-MANY = re.compile(r"(\d+) simulated \w+(?: from (\d+) on)?")
+MANY = re.compile(r"(\d+) simulated [a-z ]+?(?: from (\d+) on)?")
 """How `many_simulated` says it."""
 LARGEST_BYTES = 500_000_000
 """No site of the catalogue is as large, and to read what is would take long: it is known by its path alone."""
@@ -49,9 +49,8 @@ def check_roles(train: list[str], validate: str, test: list[str], calibrate: Seq
         raise InputError(f"data.test: expected another name than {', '.join(taken)} for its results, since a run has a folder of that name")
 
 
-def many_simulated(dimension: int, count: int, first: int) -> str:
-    """How a network's card says that it was trained on simulated sites `first`, `first` + 1, ..., `count` of them."""
-    kind = {2: "buildings", 3: "streets"}[dimension]
+def many_simulated(kind: str, count: int, first: int) -> str:
+    """How a network's card says that it was trained on simulated sites `first`, `first` + 1, ..., `count` of them, which are of a kind."""
     return f"{count} simulated {kind}" + (f" from {first} on" if first else "")
 
 

@@ -1,0 +1,103 @@
+"""A floor of a building in space: walls up to ceilings, doors with lintels, windows with sills, and what stands and hangs there."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from hilbertvae.simulate.ceilings import draw_ceiling
+from hilbertvae.simulate.floor_plan import FloorPlan, draw_floor_plan
+from hilbertvae.simulate.laser import extrude
+from hilbertvae.simulate.room_filling import RoomFilling
+from hilbertvae.simulate.shapes import SNAP_M, edges, grown
+from hilbertvae.simulate.soup import Soup, Surface, joined, soup
+
+DOOR_M = 2.05
+"""Height of doors and doorways."""
+PILLAR_M2 = 1.0
+"""A larger free-standing block is furniture, and ends below the ceiling more often than not."""
+
+
+def draw_interior(rng: np.random.Generator, extent_m: float, style: str) -> tuple[FloorPlan, Soup]:
+    """A furnished floor about `extent_m` long: its plan, in which what stands takes its place, and its surfaces, the ground at height 0."""
+    filling = RoomFilling()
+    plan = draw_floor_plan(rng, extent_m, style, filling)
+    storey_m = rng.uniform(2.4, 3.3)
+    ceilings = [_ceiling_m(rng, floor.kind, storey_m) for floor in plan.floors]
+    top = max(ceilings)
+    things = [piece.moved(np.zeros(3), plan.turned_rad) for piece in filling.soups]
+    above = [draw_ceiling(rng, floor.polygon, ceiling) for floor, ceiling in zip(plan.floors, ceilings, strict=True)]
+    lids = [lid(floor.polygon, ceiling) for floor, ceiling in zip(plan.floors, ceilings, strict=True)]
+    standing = [*_walls(rng, plan, top), *_lintels(plan, top), *_windows(rng, plan, top), *_outdoors(rng, plan)]
+    return plan, joined([_ground(rng, plan), *standing, *lids, *above, *things])
+
+
+def _ceiling_m(rng, kind: str, storey_m: float) -> float:
+    if kind == "hall" and rng.random() < 0.7:
+        return storey_m + rng.uniform(0.5, 4.0)
+    return max(2.2, storey_m - rng.choice([0.0, 0.25, 0.5])) if kind == "corridor" else storey_m
+
+
+def sides(polygons, low_m: float, high_m: float, surface: Surface = Surface.WALL) -> Soup:
+    """Upright faces over the edges of polygons."""
+    vertices, faces = extrude(edges(polygons), low_m, high_m)
+    return soup(vertices[faces], surface)
+
+
+def lid(polygon: shapely.Geometry, height_m: float, surface: Surface = Surface.WALL) -> Soup:
+    """A polygon's area as level triangles at a height, holes left open."""
+    corners = shapely.get_coordinates(shapely.get_parts(shapely.constrained_delaunay_triangles(polygon)))
+    triangles = corners.reshape(-1, 4, 2)[:, :3]
+    return soup(np.concatenate([triangles, np.full((*triangles.shape[:2], 1), height_m)], axis=2), surface)
+
+
+def prism(polygon: shapely.Geometry, low_m: float, high_m: float, surface: Surface = Surface.WALL) -> Soup:
+    """A polygon's sides, and lids above and below."""
+    return joined([sides([polygon], low_m, high_m, surface), lid(polygon, low_m, surface), lid(polygon, high_m, surface)])
+
+
+def _of(plan: FloorPlan, *kinds: str) -> np.ndarray:
+    return plan.solids[np.isin(plan.kinds, kinds)]
+
+
+def _walls(rng, plan: FloorPlan, top_m: float) -> list[Soup]:
+    blocks = _of(plan, "block")
+    low = rng.random(len(blocks)) < [0.7 if block.area > PILLAR_M2 else 0.1 for block in blocks]
+    heights = np.where(low, rng.uniform(0.9, 2.2, len(blocks)), top_m)
+    leaves = _of(plan, "leaf")
+    return [
+        sides(_of(plan, "wall"), 0.0, top_m),
+        *(prism(block, 0.0, height) for block, height in zip(blocks, heights, strict=True)),
+        *([sides(leaves, 0.01, DOOR_M)] if len(leaves) else []),
+    ]
+
+
+def _lintels(plan: FloorPlan, top_m: float) -> list[Soup]:
+    """What of a wall is above its doorways."""
+    if len(plan.doorways) == 0:
+        return []
+    floors = shapely.union_all([floor.polygon for floor in plan.floors], grid_size=SNAP_M)
+    cut = shapely.get_parts(shapely.difference(plan.doorways, floors, grid_size=SNAP_M))
+    return [prism(piece, DOOR_M, top_m) for piece in cut if piece.geom_type == "Polygon" and piece.area > 0.01]
+
+
+def _windows(rng, plan: FloorPlan, top_m: float) -> list[Soup]:
+    """Panes between a sill and a head; some reach the ground."""
+    if len(plan.glass) == 0:
+        return []
+    sill, head = rng.choice([0.0, 0.3, 0.9, 1.0]), rng.uniform(1.9, 2.4)
+    parts = [sides(plan.glass, sill, head, Surface.PANE)]
+    for pane in plan.glass:
+        whole = grown(pane, 0.08)
+        parts += [prism(whole, low, high) for low, high in ((0.0, sill), (head, top_m)) if high > low]
+    return parts
+
+
+def _outdoors(rng, plan: FloorPlan) -> list[Soup]:
+    return [prism(thing, 0.0, rng.uniform(0.5, 6.0)) for thing in _of(plan, "outdoors")]
+
+
+def _ground(rng, plan: FloorPlan) -> Soup:
+    bounds = np.array([solid.bounds for solid in plan.solids])
+    land = shapely.box(*(bounds[:, :2].min(axis=0) - 5), *(bounds[:, 2:].max(axis=0) + 5))
+    return lid(land, 0.0, rng.choice([Surface.WALL, Surface.ROAD, Surface.CLOTH]))
