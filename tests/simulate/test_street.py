@@ -121,6 +121,7 @@ def test_what_moves_is_further_on_in_the_next_scan(sim):
     ("setting", "message"),
     [
         ({"character": "moon"}, r'street.character: expected "any" or one of residential'),
+        ({"variety": "floors", "character": "town"}, "street.character: expected \"any\" where sites are floors, not streets, got 'town'"),
         ({"variety": "any"}, "street.variety: expected one of usual, wide, everywhere, floors, got 'any'"),
         ({"sensor": "radar"}, r'street.sensor: expected "any" or one of hdl64'),
         ({"azimuths": 2}, "street.azimuths: expected a whole number of at least 4"),

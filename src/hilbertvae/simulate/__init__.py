@@ -1,4 +1,4 @@
-"""Simulated sites: buildings and streets, and the lasers that scan them."""
+"""Simulated sites: buildings in the plane, streets and floors of buildings in space, and the lasers that scan them."""
 
 SCENES = {2: 3, 3: 4}
 """Of buildings (2D) and streets (3D): goes up whenever the same settings and seed come to give other scans. What was made of a site's

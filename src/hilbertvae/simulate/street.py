@@ -28,16 +28,16 @@ class StreetSettings:
     """What streets are drawn, and how they are scanned.
 
     variety: a key of `VARIETIES`. "usual": streets of cars as KITTI's and nuScenes'. "wide": also other sensors, on robots and tilted,
-    more paths and open land, on more uneven ground. "floors": no streets, but floors of buildings; "everywhere": every other one a floor, the
-    others wide streets. character: one of `CHARACTERS`, or "any". sensor: a key of
-    `spinning_lidar.SENSORS`, or "any": another one per site.
+    more paths and open land, on more uneven ground. "floors": no streets, but floors of buildings (`floor.py`);
+    "everywhere": every other one a floor, the others wide streets.
+    character: one of `CHARACTERS`, or "any". sensor: a key of `spinning_lidar.SENSORS`, or "any": another one per site.
     azimuths, max_range_m, range_noise_m: firings in a turn, longest range and spread of ranges; None for the sensor's own.
     single_scan_share: of sites, those of one scan only; the others have 2 to `scans` scans, `shortest_step_m` to `longest_step_m` apart,
     over a drive of at most 500 m.
     pose_noise_m, heading_noise_deg: spread of the slowly wandering error of the poses, as scan matching leaves it; the second is also
     that of roll and pitch.
     nearest_m: closer returns are cut, as the car itself is.
-    traffic: whether anything moves between scans.
+    traffic: whether anything moves between scans; on floors nothing does.
 
     A street is drawn as long and as wide as its drive and the lidar's range ask for: other scans, steps or max_range_m are another
     street, not the same one scanned otherwise.
@@ -63,6 +63,8 @@ class StreetSettings:
             raise InputError(f"street.variety: expected one of {', '.join(VARIETIES)}, got {self.variety!r}")
         if self.character not in ("any", *CHARACTERS):
             raise InputError(f'street.character: expected "any" or one of {", ".join(CHARACTERS)}, got {self.character!r}')
+        if self.character != "any" and VARIETIES[self.variety].floors == 1:
+            raise InputError(f'street.character: expected "any" where sites are floors, not streets, got {self.character!r}')
         if self.sensor not in ("any", *SENSORS):
             raise InputError(f'street.sensor: expected "any" or one of {", ".join(SENSORS)}, got {self.sensor!r}')
         check_count(self.scans, "street.scans")

@@ -16,7 +16,8 @@ USUAL = "usual"
 
 @dataclass
 class DataSettings:
-    """Which sites play which part: a name of the catalogue, `simulated:<seed>` (a building, in 3D a street), or a path."""
+    """Which sites play which part: a name of the catalogue, `simulated:<seed>` (a building; in 3D a street, or a floor of a building as
+    `street.variety` says), or a path."""
 
     train: list[str] = field(default_factory=list)
     validate: str = "simulated:900001"
