@@ -137,7 +137,7 @@ class SiteSource:
     """How references to sites are read: where files lie, what dimension is asked for, and how sites are simulated."""
 
     dimension: int | None = None
-    """2 or 3: anything else is refused, and `simulated:<seed>` is a street in 3D. Unless given, any, and a building."""
+    """2 or 3: anything else is refused, and `simulated:<seed>` is a street in 3D, or a floor. Unless given, any, and a building."""
     folder: str | None = None
     download: bool = False
     building: BuildingSettings = field(default_factory=BuildingSettings)

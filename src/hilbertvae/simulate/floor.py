@@ -16,7 +16,6 @@ from hilbertvae.simulate.street_variety import picked
 SENSORS_INDOORS = {"vlp16": 0.25, "vlp32": 0.1, "hdl32": 0.1, "os1": 0.15, "os1_128": 0.1, "os0": 0.2, "mid360": 0.1}
 """Shares of lidars of floors."""
 EXTENT_M = (15.0, 50.0)
-TURN_DEG = 40.0
 NEAREST_M = 0.5
 """Closer returns are cut, as robots and hands are; less than that of streets."""
 IN_HANDS = 0.5
@@ -48,7 +47,7 @@ def simulate_floor(settings, seed: int) -> Scans:
         except shapely.errors.GEOSException:
             continue  # as of buildings in the plane: some outlines no overlay can take
         way = drive(for_drive, plan, find_free_space(plan), CLEARANCE_M, max(scans * step_m, 5.0))
-        if len(way) < 2 or len(places := poses_along(for_drive, way, step_m, TURN_DEG, scans)) < min(scans, 2):
+        if len(way) < 2 or len(places := poses_along(for_drive, way, step_m, np.inf, scans)) < min(scans, 2):
             continue
         in_hands = bool(for_drive.random() < IN_HANDS)
         lidar = _draw_lidar(for_laser, settings, in_hands)
@@ -62,9 +61,10 @@ def simulate_floor(settings, seed: int) -> Scans:
 def _draw_lidar(rng, settings, in_hands: bool) -> SpinningLidar:
     """A lidar without a car, as high as it is carried; robots hide what their posts do, and a head hides a sector."""
     lidar = SENSORS[settings.sensor if settings.sensor != "any" else picked(rng, SENSORS_INDOORS)]
+    coarser = int(rng.choice([1, 2]))
     return replace(
         lidar,
-        azimuths=settings.azimuths or lidar.azimuths // int(rng.choice([1, 2])),
+        azimuths=settings.azimuths or lidar.azimuths // coarser,
         max_range_m=settings.max_range_m or lidar.max_range_m,
         height_m=rng.uniform(1.1, 1.9) if in_hands else rng.uniform(0.3, 1.0),
         faintest=lidar.faintest * rng.choice([0.6, 1.0, 1.8]),

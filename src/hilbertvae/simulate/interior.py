@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import shapely
 
 from hilbertvae.simulate.ceilings import draw_ceiling
 from hilbertvae.simulate.floor_plan import FloorPlan, draw_floor_plan
 from hilbertvae.simulate.laser import extrude
-from hilbertvae.simulate.room_filling import RoomFilling
-from hilbertvae.simulate.shapes import SNAP_M, edges, grown
+from hilbertvae.simulate.layouts import Floor
+from hilbertvae.simulate.room_filling import Piece, RoomFilling
+from hilbertvae.simulate.shapes import SNAP_M, edges, grown, parts, without
 from hilbertvae.simulate.soup import Soup, Surface, joined, soup
 
 DOOR_M = 2.05
@@ -22,14 +25,38 @@ def draw_interior(rng: np.random.Generator, extent_m: float, style: str) -> tupl
     """A furnished floor about `extent_m` long: its plan, in which what stands takes its place, and its surfaces, the ground at height 0."""
     filling = RoomFilling()
     plan = draw_floor_plan(rng, extent_m, style, filling)
-    storey_m = rng.uniform(2.4, 3.3)
-    ceilings = [_ceiling_m(rng, floor.kind, storey_m) for floor in plan.floors]
+    ceilings = _ceilings_m(rng, plan.floors)
     top = max(ceilings)
-    things = [piece.moved(np.zeros(3), plan.turned_rad) for piece in filling.soups]
+    plan, pieces = _fitting(plan, filling.pieces, ceilings)
+    things = [piece.soup.moved(np.zeros(3), plan.turned_rad) for piece in pieces]
     above = [draw_ceiling(rng, floor.polygon, ceiling) for floor, ceiling in zip(plan.floors, ceilings, strict=True)]
     lids = [lid(floor.polygon, ceiling) for floor, ceiling in zip(plan.floors, ceilings, strict=True)]
     standing = [*_walls(rng, plan, top), *_lintels(plan, top), *_windows(rng, plan, top), *_outdoors(rng, plan)]
     return plan, joined([_ground(rng, plan), *standing, *lids, *above, *things])
+
+
+def _ceilings_m(rng, floors: list[Floor]) -> list[float]:
+    """How high each floor is. A wing's passage, which overlaps what it joins, is as high as that."""
+    storey_m = rng.uniform(2.4, 3.3)
+    heights = [_ceiling_m(rng, floor.kind, storey_m) for floor in floors]
+    polygons = np.array([floor.polygon for floor in floors])
+    for here, polygon in enumerate(polygons):
+        joined_ones = [*np.flatnonzero(shapely.area(shapely.intersection(polygon, polygons[:here], grid_size=SNAP_M)) > 0.01), here]
+        lowest = min(heights[k] for k in joined_ones)
+        for k in joined_ones:
+            heights[k] = lowest
+    return heights
+
+
+def _fitting(plan: FloorPlan, pieces: list[Piece], ceilings: list[float]) -> tuple[FloorPlan, list[Piece]]:
+    """The plan and its pieces without those that stand in a pillar or a partition, or reach through their ceiling."""
+    things = np.flatnonzero(plan.kinds == "thing")  # one of each piece that stands, in their order
+    blocks = shapely.union_all(_of(plan, "block"), grid_size=SNAP_M)
+    solid = iter(shapely.intersects(blocks, plan.solids[things]))
+    kept = [not (piece.stands and next(solid)) and piece.top_m < ceilings[piece.floor] for piece in pieces]
+    standing = np.array([keeps for piece, keeps in zip(pieces, kept, strict=True) if piece.stands], dtype=bool)
+    left = np.delete(np.arange(len(plan.solids)), things[~standing])
+    return replace(plan, solids=plan.solids[left], kinds=plan.kinds[left]), [p for p, keeps in zip(pieces, kept, strict=True) if keeps]
 
 
 def _ceiling_m(rng, kind: str, storey_m: float) -> float:
@@ -86,11 +113,10 @@ def _windows(rng, plan: FloorPlan, top_m: float) -> list[Soup]:
     if len(plan.glass) == 0:
         return []
     sill, head = rng.choice([0.0, 0.3, 0.9, 1.0]), rng.uniform(1.9, 2.4)
-    parts = [sides(plan.glass, sill, head, Surface.PANE)]
-    for pane in plan.glass:
-        whole = grown(pane, 0.08)
-        parts += [prism(whole, low, high) for low, high in ((0.0, sill), (head, top_m)) if high > low]
-    return parts
+    floors = shapely.union_all([floor.polygon for floor in plan.floors], grid_size=SNAP_M)
+    walls = [part for pane in plan.glass for part in parts(without(grown(pane, 0.08), floors))]  # around panes, and not into rooms
+    around = [prism(wall, low, high) for wall in walls for low, high in ((0.0, sill), (head, top_m)) if high > low]
+    return [sides(plan.glass, sill, head, Surface.PANE), *around]
 
 
 def _outdoors(rng, plan: FloorPlan) -> list[Soup]:

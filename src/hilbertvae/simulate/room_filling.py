@@ -23,20 +23,36 @@ FREE_SHARE = 0.8
 ON_WALLS_PER_M = 0.08
 
 
-@dataclass
-class RoomFilling:
-    """Furnishes floors of a plan in space: call it as `furniture.furnish`, and then ask for all that stands and hangs there.
+@dataclass(frozen=True)
+class Piece:
+    """soup: in metres of the plan, before that is turned; ground: the rectangle that it takes, or hangs above.
 
-    soups: in metres of the plan, before that is turned.
+    floor: number of the floor it is on. stands: or hangs on a wall.
     """
 
-    soups: list[Soup] = field(default_factory=list)
+    soup: Soup
+    ground: shapely.Polygon
+    floor: int
+    stands: bool
+
+    @property
+    def top_m(self) -> float:
+        return float(self.soup.triangles[..., 2].max())
+
+
+@dataclass
+class RoomFilling:
+    """Furnishes floors of a plan in space: call it as `furniture.furnish` on one floor after the other, and then ask for `pieces`."""
+
+    pieces: list[Piece] = field(default_factory=list)
+    floors: int = 0
 
     def __call__(
         self, rng: np.random.Generator, floor: shapely.Polygon, amount: Furnishing, keep_clear: shapely.Geometry | None
     ) -> list[shapely.Polygon]:
         """Footprints of what stands on `floor`, which is as full as `amount` says."""
-        use, room = _use(rng, floor, amount), _Room(floor, keep_clear, self.soups)
+        use, room = _use(rng, floor, amount), _Room(floor, keep_clear, self.floors)
+        self.floors += 1
         if use == "garage":
             _park(rng, room)
         else:
@@ -51,36 +67,38 @@ class RoomFilling:
                     room.put(_picked(rng, often)(rng), place, angle)
         for place, angle in _at_walls(rng, floor, rng.poisson(ON_WALLS_PER_M * floor.length)):
             room.hang(ON_WALLS[rng.integers(len(ON_WALLS))](rng), place, angle)
-        return room.taken
+        self.pieces += room.pieces
+        return [piece.ground for piece in room.pieces if piece.stands]
 
 
 @dataclass
 class _Room:
-    """A floor, what is to be kept clear there, and what stands already."""
+    """A floor, what is to be kept clear there, its number, and what is there already."""
 
     floor: shapely.Polygon
     keep_clear: shapely.Geometry | None
-    soups: list[Soup]
-    taken: list[shapely.Polygon] = field(default_factory=list)
+    number: int
+    pieces: list[Piece] = field(default_factory=list)
 
     def __post_init__(self):
         for land in (self.floor, self.keep_clear):
             shapely.prepare(land)
 
-    def put(self, piece: Soup, place: np.ndarray, angle_rad: float) -> None:
-        """A piece where it says, unless it would stand in a wall, before a door or in another piece."""
-        ground = _footprint(piece, place, angle_rad)
-        if self._fits(ground) and not shapely.intersects(ground, self.taken).any():
-            self.soups.append(piece.moved([*place, 0.0], angle_rad))
-            self.taken.append(ground)
+    def put(self, soup: Soup, place: np.ndarray, angle_rad: float) -> None:
+        """What stands where it says, unless that would be in a wall, before a door or in something else."""
+        self._add(soup, place, angle_rad, stands=True)
 
-    def hang(self, piece: Soup, place: np.ndarray, angle_rad: float) -> None:
-        """A piece on a wall, above what stands there, unless it would reach into a door or another wall."""
-        if self._fits(_footprint(piece, place, angle_rad)):
-            self.soups.append(piece.moved([*place, 0.0], angle_rad))
+    def hang(self, soup: Soup, place: np.ndarray, angle_rad: float) -> None:
+        """What hangs on a wall, unless it would reach into a door, another wall or what stands below it."""
+        self._add(soup, place, angle_rad, stands=False)
 
-    def _fits(self, ground: shapely.Polygon) -> bool:
-        return self.floor.contains_properly(ground) and not (self.keep_clear is not None and self.keep_clear.intersects(ground))
+    def _add(self, soup: Soup, place: np.ndarray, angle_rad: float, stands: bool) -> None:
+        ground, low_m = _footprint(soup, place, angle_rad), soup.triangles[..., 2].min()
+        if not self.floor.contains_properly(ground) or (self.keep_clear is not None and self.keep_clear.intersects(ground)):
+            return
+        met = shapely.intersects(ground, [piece.ground for piece in self.pieces])
+        if not any(piece.top_m > low_m for piece, meets in zip(self.pieces, met, strict=True) if meets):
+            self.pieces.append(Piece(soup.moved([*place, 0.0], angle_rad), ground, self.number, stands))
 
 
 def _park(rng, room: _Room) -> None:
@@ -95,9 +113,9 @@ def _park(rng, room: _Room) -> None:
                 room.put(car, middle + turned(np.array([at, row]), angle), turn + rng.normal(0, 0.03))
 
 
-def _footprint(piece: Soup, place: np.ndarray, angle_rad: float) -> shapely.Polygon:
-    """The rectangle that a piece takes."""
-    flat = piece.triangles[..., :2].reshape(-1, 2)
+def _footprint(soup: Soup, place: np.ndarray, angle_rad: float) -> shapely.Polygon:
+    """The rectangle that it takes."""
+    flat = soup.triangles[..., :2].reshape(-1, 2)
     (x0, y0), (x1, y1) = flat.min(axis=0), flat.max(axis=0)
     return shapely.Polygon(place + turned(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), angle_rad))
 

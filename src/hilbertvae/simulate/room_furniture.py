@@ -180,7 +180,8 @@ def draw_screen(rng: np.random.Generator) -> Soup:
 
 def draw_board(rng: np.random.Generator) -> Soup:
     """A picture, a whiteboard, a screen or a box on a wall."""
-    return _box(0, 0.05, rng.uniform(0.9, 1.6), rng.uniform(0.4, 2.5), rng.choice([0.03, 0.08, 0.2]), rng.uniform(0.4, 1.1))
+    depth = rng.choice([0.03, 0.08, 0.2])
+    return _box(0, depth / 2, rng.uniform(0.9, 1.6), rng.uniform(0.4, 2.5), depth, rng.uniform(0.4, 1.1))
 
 
 def draw_cupboard(rng: np.random.Generator) -> Soup:
@@ -196,8 +197,10 @@ def draw_somebody(rng: np.random.Generator) -> Soup:
 def _things(rng: np.random.Generator, length: float, depth: float, height: float) -> Soup:
     """Small boxes on a top of `length`, from y = 0 to `depth`."""
     count = rng.poisson(1.5 * length)
-    feet = np.column_stack([rng.uniform(-0.45, 0.45, count) * length, rng.uniform(0.2, 0.8, count) * depth, np.full(count, height)])
-    return boxes_3d(feet, rng.uniform(0.05, 0.35, (count, 3)), rng.uniform(0, np.pi, count)) if count else joined([])
+    sizes = rng.uniform(0.05, 0.35, (count, 3))
+    y = np.maximum(rng.uniform(0.2, 0.8, count) * depth, np.hypot(*sizes[:, :2].T) / 2)  # none reaches into the wall, however it is turned
+    feet = np.column_stack([rng.uniform(-0.45, 0.45, count) * length, y, np.full(count, height)])
+    return boxes_3d(feet, sizes, rng.uniform(0, np.pi, count)) if count else joined([])
 
 
 AGAINST_WALLS: dict[str, dict[Draw, float]] = {

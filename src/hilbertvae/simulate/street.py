@@ -36,7 +36,7 @@ class StreetSettings:
     over a drive of at most 500 m.
     pose_noise_m, heading_noise_deg: spread of the slowly wandering error of the poses, as scan matching leaves it; the second is also
     that of roll and pitch.
-    nearest_m: closer returns are cut, as the car itself is.
+    nearest_m: closer returns are cut, as the car itself is; on floors at most 0.5.
     traffic: whether anything moves between scans; on floors nothing does.
 
     A street is drawn as long and as wide as its drive and the lidar's range ask for: other scans, steps or max_range_m are another
@@ -98,7 +98,9 @@ class StreetSettings:
 
 
 def simulate_street(settings: StreetSettings, seed: int) -> Scans:
-    """The scans of one random street, in the frame of the first scan's sensor. The same settings and seed give the same bits.
+    """The scans of one random street, in the frame of the first scan's sensor, or of one floor, upright.
+
+    The same settings and seed give the same bits.
 
     Raises `InputError` where the extra `sim` is not installed.
     """
