@@ -221,7 +221,7 @@ def test_the_mean_of_a_network_and_what_was_made_of_it(folder, trained, tmp_path
     [
         ("3d", DataSettings(street=StreetSettings(variety="wide")), ["simulated:7"], " (streets of wide variety)"),
         ("3d", DataSettings(street=StreetSettings(variety="wide")), ["hall"], ""),
-        ("3d", DataSettings(street=StreetSettings(variety="everywhere")), ["simulated:7"], " (streets and floors of everywhere variety)"),
+        ("3d", DataSettings(street=StreetSettings(variety="everywhere")), ["simulated:7"], " (streets and floors)"),
         ("3d", DataSettings(simulated_variety="wide"), ["simulated:7"], ""),
         ("2d", DataSettings(simulated_variety="wide"), ["simulated:7"], " (buildings of wide variety)"),
         ("2d", DataSettings(), ["simulated:7"], ""),
@@ -235,3 +235,19 @@ def test_simulated_sites_that_weights_were_learned_on_are_told_where_they_are_no
     made.save(folder / f"{name}.safetensors")
     ship.write_card(name, [])
     assert f"weights were learned on {sites[0]}{said}, over 1 flip" in (folder / f"{name}.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("sites", "said"),
+    [
+        (["hall", "5 simulated streets and floors from 3 on"], "rooms were learned from, and tried in, simulation alone"),
+        (["tall floors", "5 simulated streets"], "rooms have been tried in simulation alone"),
+    ],
+)
+def test_a_card_says_whether_floors_are_among_what_was_learned_from(folder, sites, said):
+    made = tiny_reconstructor(3, seed=3)
+    made.card = {**CARD, "flips": 1, "trained_on": sites, "started_from": CARD}
+    folder.mkdir(exist_ok=True)
+    made.save(folder / "3d.safetensors")
+    ship.write_card("3d", [])
+    assert said in (folder / "3d.md").read_text()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from hilbertvae.files import file_sha256
@@ -28,9 +29,11 @@ TERMS = {
 LIMITS = {
     2: "Made for buildings at {at}: outdoors, or at another resolution, it has never been tried.",
     3: "Made for streets at {at}, with the vertical as the third axis: thin poles, the far ends of cars and hedges are guessed coarsely, "
-    'and rooms have been tried in simulation alone (docs/decisions.md, "Rooms in space").',
+    'and rooms {rooms} simulation alone (docs/decisions.md, "Rooms in space").',
 }
-"""`at`: which cells and boxes."""
+"""`at`: which cells and boxes; `rooms`: one of `ROOMS`."""
+ROOMS = {False: "have been tried in", True: "were learned from, and tried in,"}
+"""By whether floors of buildings are among what a network in 3D was trained on."""
 GUESSES = (
     "What it fills in is a guess from other places; `observed(points)` tells what was seen. Rows `occluded` are of what no scan "
     "that it was shown had seen: where its NLL there is above the base rate's, knowing only the share of occupied cells would do better."
@@ -68,11 +71,16 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
         "## Scores",
         *([_scores([result for result, _ in scored]), _made(scored)] if scored else ["Not scored yet."]),
         "## Limits",
-        f"{LIMITS[network.dimension].format(at=at)} {GUESSES}{FOR_MAPS if _given(card) else ''}",
+        f"{LIMITS[network.dimension].format(at=at, rooms=ROOMS[_knows_floors(card)])} {GUESSES}{FOR_MAPS if _given(card) else ''}",
         "## Terms",
         _terms(card),
     ]
     return "\n\n".join(lines) + "\n"
+
+
+def _knows_floors(card: dict) -> bool:
+    """Whether simulated floors are among what it was trained on, as `site_roles.many_simulated` says it."""
+    return any(re.match(r"\d+ simulated .*floors", site) for stage in stages(card) for site in stage["trained_on"])
 
 
 def _drawn(card: dict, dimension: int) -> str:
@@ -81,7 +89,8 @@ def _drawn(card: dict, dimension: int) -> str:
     variety = data.get("simulated_variety") if dimension == 2 else data.get("street", {}).get("variety")
     kind = "buildings" if dimension == 2 else VARIETIES[variety or "usual"].kind
     told = variety not in (None, "usual") and any(site.startswith(SIMULATED) for site in calibrated_on(card))
-    return f" ({kind} of {variety} variety)" if told else ""
+    how = kind if "floors" in kind else f"{kind} of {variety} variety"
+    return f" ({how})" if told else ""
 
 
 def _given(card: dict) -> str:
