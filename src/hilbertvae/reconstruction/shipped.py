@@ -8,7 +8,7 @@ from pathlib import Path
 FOLDER = Path(__file__).parent.parent / "weights"
 SHIPPED = {
     "2d": "buildings: six real ones and simulated ones",
-    "3d": "streets: thirteen real places and simulated streets",
+    "3d": "streets and floors: thirteen real streets, simulated streets and simulated floors of buildings",
     "2d-sim": "simulated buildings alone",
     "3d-sim": "simulated streets alone",
     "2d-map": "maps of buildings: of six real ones and of simulated ones",
