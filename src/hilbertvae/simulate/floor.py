@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from hilbertvae.simulate.building import STYLES
 from hilbertvae.simulate.lidar_drive import rotations, scan_along
 from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar
 from hilbertvae.simulate.street_variety import picked
+
+if TYPE_CHECKING:  # which draws floors as well as streets
+    from hilbertvae.simulate.street import StreetSettings
 
 SENSORS_INDOORS = {"vlp16": 0.25, "vlp32": 0.1, "hdl32": 0.1, "os1": 0.15, "os1_128": 0.1, "os0": 0.2, "mid360": 0.1}
 """Shares of lidars of floors."""
@@ -24,9 +28,9 @@ CLEARANCE_M = 0.3
 ATTEMPTS = 20
 
 
-def simulate_floor(settings, seed: int) -> Scans:
-    """The scans of one random floor, upright, from where the first scan was made. `settings` is `StreetSettings`: their sensor, scans,
-    steps, noise and ranges; `nearest_m` at most 0.5 m. The same settings and seed give the same bits.
+def simulate_floor(settings: StreetSettings, seed: int) -> Scans:
+    """The scans of one random floor, upright, from where the first scan was made. Of `settings` count the sensor, scans, steps, noise and
+    ranges, `nearest_m` at most 0.5 m. The same settings and seed give the same bits.
 
     Raises `InputError` where no floor with a way for two scans comes of these settings.
     """
@@ -58,7 +62,7 @@ def simulate_floor(settings, seed: int) -> Scans:
     raise InputError(f"street: no floor that can be walked through in {ATTEMPTS} attempts with seed {seed}")
 
 
-def _draw_lidar(rng, settings, in_hands: bool) -> SpinningLidar:
+def _draw_lidar(rng, settings: StreetSettings, in_hands: bool) -> SpinningLidar:
     """A lidar without a car, as high as it is carried; robots hide what their posts do, and a head hides a sector."""
     lidar = SENSORS[settings.sensor if settings.sensor != "any" else picked(rng, SENSORS_INDOORS)]
     coarser = int(rng.choice([1, 2]))
