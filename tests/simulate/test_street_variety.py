@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from hilbertvae.simulate.floor import SENSORS_INDOORS
+from hilbertvae.simulate.shares import picked
 from hilbertvae.simulate.spinning_lidar import SENSORS
 from hilbertvae.simulate.street import CHARACTERS, StreetSettings, draw_lidar, simulate_street
-from hilbertvae.simulate.street_variety import HILLY, VARIETIES, Mount, draw_character, draw_mount, hilly, picked
+from hilbertvae.simulate.street_variety import HILLY, VARIETIES, Mount, draw_character, draw_mount, hilly
 
 USUAL, WIDE = VARIETIES["usual"], VARIETIES["wide"]
 

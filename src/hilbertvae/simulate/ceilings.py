@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from hilbertvae.simulate.furniture import main_angle
+from hilbertvae.simulate.furniture import lattice
 from hilbertvae.simulate.shapes import turned
 from hilbertvae.simulate.soup import Soup, boxes_3d, joined, tubes
 
@@ -15,8 +15,7 @@ HIGH_M = 3.5
 
 def draw_ceiling(rng: np.random.Generator, floor: shapely.Polygon, ceiling_m: float) -> Soup:
     """What hangs above a floor, in metres of the plan."""
-    angle, (x0, y0, x1, y1) = main_angle(floor), floor.bounds
-    middle, reach_m = np.array([x0 + x1, y0 + y1]) / 2, np.hypot(x1 - x0, y1 - y0) / 2
+    middle, reach_m, angle = lattice(floor)
     drop_m = rng.choice([0.0, 0.05, 0.4, 0.8] if ceiling_m > 2.9 else [0.0, 0.05])
     hanging = _lamps(rng, floor, middle, reach_m, angle, ceiling_m - drop_m) if drop_m else joined([])
     if rng.random() < 0.3 or ceiling_m > HIGH_M:

@@ -11,8 +11,8 @@ from hilbertvae.checks import InputError
 from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.building import STYLES
 from hilbertvae.simulate.lidar_drive import rotations, scan_along
+from hilbertvae.simulate.shares import picked
 from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar
-from hilbertvae.simulate.street_variety import picked
 
 if TYPE_CHECKING:  # which draws floors as well as streets
     from hilbertvae.simulate.street import StreetSettings

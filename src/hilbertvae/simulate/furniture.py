@@ -59,6 +59,20 @@ def main_angle(floor) -> float:
     return float(np.arctan2(longest[1], longest[0]))
 
 
+def lattice(floor) -> tuple[np.ndarray, float, float]:
+    """Where rows that cover `floor` start from: its middle (2,), their reach to each side (metres), and their direction (radians)."""
+    x0, y0, x1, y1 = floor.bounds
+    return np.array([x0 + x1, y0 + y1]) / 2, float(np.hypot(x1 - x0, y1 - y0)) / 2, main_angle(floor)
+
+
+def walls(floor) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the floor's outline, clockwise, so that inside is on the right: corners (K + 1, 2), ways from one to the next (K, 2), and how long
+    these are (K,), metres."""
+    corners = shapely.get_coordinates(shapely.normalize(floor).exterior)
+    steps = np.diff(corners, axis=0)
+    return corners, steps, np.linalg.norm(steps, axis=1)
+
+
 def scattered(rng, floor, count: int) -> np.ndarray:
     """(K, 2) about `count` places on `floor`: in half of the cases all over it, else in a few clumps, mostly near a wall."""
     if count == 0:
@@ -79,9 +93,7 @@ def _along_walls(rng, floor, count: int, deepest_m: float) -> np.ndarray:
     """Shelves, cabinets, radiators and desks with their backs near a wall, sometimes slightly turned."""
     if count == 0:
         return np.empty(0, dtype=object)
-    corners = shapely.get_coordinates(shapely.normalize(floor).exterior)  # clockwise: inside is on the right
-    steps = np.diff(corners, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
+    corners, steps, lengths = walls(floor)
     chosen = rng.choice(len(steps), count, p=lengths / lengths.sum())
     along = steps[chosen] / lengths[chosen, None]
     inward = np.stack([along[:, 1], -along[:, 0]], axis=-1)

@@ -31,7 +31,8 @@ def draw_interior(rng: np.random.Generator, extent_m: float, style: str) -> tupl
     things = [piece.soup.moved(np.zeros(3), plan.turned_rad) for piece in pieces]
     above = [draw_ceiling(rng, floor.polygon, ceiling) for floor, ceiling in zip(plan.floors, ceilings, strict=True)]
     lids = [lid(floor.polygon, ceiling) for floor, ceiling in zip(plan.floors, ceilings, strict=True)]
-    standing = [*_walls(rng, plan, top), *_lintels(plan, top), *_windows(rng, plan, top), *_outdoors(rng, plan)]
+    indoors = shapely.union_all([floor.polygon for floor in plan.floors], grid_size=SNAP_M)
+    standing = [*_walls(rng, plan, top), *_lintels(plan, indoors, top), *_windows(rng, plan, indoors, top), *_outdoors(rng, plan)]
     return plan, joined([_ground(rng, plan), *standing, *lids, *above, *things])
 
 
@@ -91,30 +92,25 @@ def _walls(rng, plan: FloorPlan, top_m: float) -> list[Soup]:
     blocks = _of(plan, "block")
     low = rng.random(len(blocks)) < [0.7 if block.area > PILLAR_M2 else 0.1 for block in blocks]
     heights = np.where(low, rng.uniform(0.9, 2.2, len(blocks)), top_m)
-    leaves = _of(plan, "leaf")
     return [
         sides(_of(plan, "wall"), 0.0, top_m),
         *(prism(block, 0.0, height) for block, height in zip(blocks, heights, strict=True)),
-        *([sides(leaves, 0.01, DOOR_M)] if len(leaves) else []),
+        sides(_of(plan, "leaf"), 0.01, DOOR_M),
     ]
 
 
-def _lintels(plan: FloorPlan, top_m: float) -> list[Soup]:
+def _lintels(plan: FloorPlan, indoors: shapely.Geometry, top_m: float) -> list[Soup]:
     """What of a wall is above its doorways."""
-    if len(plan.doorways) == 0:
-        return []
-    floors = shapely.union_all([floor.polygon for floor in plan.floors], grid_size=SNAP_M)
-    cut = shapely.get_parts(shapely.difference(plan.doorways, floors, grid_size=SNAP_M))
+    cut = shapely.get_parts(shapely.difference(plan.doorways, indoors, grid_size=SNAP_M))
     return [prism(piece, DOOR_M, top_m) for piece in cut if piece.geom_type == "Polygon" and piece.area > 0.01]
 
 
-def _windows(rng, plan: FloorPlan, top_m: float) -> list[Soup]:
+def _windows(rng, plan: FloorPlan, indoors: shapely.Geometry, top_m: float) -> list[Soup]:
     """Panes between a sill and a head; some reach the ground."""
     if len(plan.glass) == 0:
         return []
     sill, head = rng.choice([0.0, 0.3, 0.9, 1.0]), rng.uniform(1.9, 2.4)
-    floors = shapely.union_all([floor.polygon for floor in plan.floors], grid_size=SNAP_M)
-    walls = [part for pane in plan.glass for part in parts(without(grown(pane, 0.08), floors))]  # around panes, and not into rooms
+    walls = [part for pane in plan.glass for part in parts(without(grown(pane, 0.08), indoors))]  # around panes, and not into rooms
     around = [prism(wall, low, high) for wall in walls for low, high in ((0.0, sill), (head, top_m)) if high > low]
     return [sides(plan.glass, sill, head, Surface.PANE), *around]
 

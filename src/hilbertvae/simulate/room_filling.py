@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from hilbertvae.simulate.furniture import BARE_PASSAGE, PASSAGE, Furnishing, main_angle, scattered
-from hilbertvae.simulate.room_furniture import AGAINST_WALLS, FREE, ON_WALLS, Draw, draw_somebody
+from hilbertvae.simulate.furniture import BARE_PASSAGE, PASSAGE, Furnishing, lattice, main_angle, scattered, walls
+from hilbertvae.simulate.room_furniture import AGAINST_WALLS, FREE, ON_WALLS, draw_somebody
 from hilbertvae.simulate.shapes import turned
+from hilbertvae.simulate.shares import picked
 from hilbertvae.simulate.soup import Soup
 from hilbertvae.simulate.vehicles import draw_vehicle
 
@@ -58,13 +59,13 @@ class RoomFilling:
         else:
             for place, angle in _at_walls(rng, floor, rng.poisson(amount.along_walls_per_m * floor.length)):
                 tilt = rng.normal(0, 0.1) if rng.random() < 0.1 else 0.0
-                room.put(_picked(rng, AGAINST_WALLS[use])(rng), place, angle + tilt)
+                room.put(picked(rng, AGAINST_WALLS[use])(rng), place, angle + tilt)
             pieces_per_m2 = amount.tables_per_m2 + amount.chairs_per_m2 + amount.clutter_per_m2
             for often, per_m2 in ((FREE[use], FREE_SHARE * pieces_per_m2), ({draw_somebody: 1.0}, amount.people_per_m2)):
                 for place in scattered(rng, floor, rng.poisson(per_m2 * floor.area)):
                     square = rng.random() < 0.75
                     angle = main_angle(floor) + rng.integers(4) * np.pi / 2 if square else rng.uniform(0, 2 * np.pi)
-                    room.put(_picked(rng, often)(rng), place, angle)
+                    room.put(picked(rng, often)(rng), place, angle)
         for place, angle in _at_walls(rng, floor, rng.poisson(ON_WALLS_PER_M * floor.length)):
             room.hang(ON_WALLS[rng.integers(len(ON_WALLS))](rng), place, angle)
         self.pieces += room.pieces
@@ -103,14 +104,12 @@ class _Room:
 
 def _park(rng, room: _Room) -> None:
     """Cars in rows, some places empty."""
-    angle = main_angle(room.floor)
-    (x0, y0, x1, y1), turn = room.floor.bounds, angle + np.pi / 2
-    middle, reach = np.array([x0 + x1, y0 + y1]) / 2, np.hypot(x1 - x0, y1 - y0) / 2
+    middle, reach, angle = lattice(room.floor)
     for row in np.arange(-reach, reach, rng.uniform(7.5, 11.0)):
         for at in np.arange(-reach, reach, 2.6):
             if rng.random() < 0.55:
                 car, _, _ = draw_vehicle(rng, str(rng.choice(PARKED)))
-                room.put(car, middle + turned(np.array([at, row]), angle), turn + rng.normal(0, 0.03))
+                room.put(car, middle + turned(np.array([at, row]), angle), angle + np.pi / 2 + rng.normal(0, 0.03))
 
 
 def _footprint(soup: Soup, place: np.ndarray, angle_rad: float) -> shapely.Polygon:
@@ -128,16 +127,9 @@ def _use(rng, floor: shapely.Polygon, amount: Furnishing) -> str:
     return str(rng.choice(["office", "store", "home"], p=[0.55, 0.2, 0.25]))
 
 
-def _picked(rng, often: dict[Draw, float]) -> Draw:
-    draws = list(often)
-    return draws[rng.choice(len(draws), p=np.array(list(often.values())) / sum(often.values()))]
-
-
 def _at_walls(rng, floor: shapely.Polygon, count: int):
     """Places a centimetre or more before a floor's walls, and the angle at which what stands there looks into the room."""
-    corners = shapely.get_coordinates(shapely.normalize(floor).exterior)  # clockwise: inside is on the right
-    steps = np.diff(corners, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
+    corners, steps, lengths = walls(floor)
     for edge in rng.choice(len(steps), count, p=lengths / lengths.sum()):
         along = steps[edge] / lengths[edge]
         inward = np.array([along[1], -along[0]])

@@ -10,8 +10,9 @@ from hilbertvae.checks import InputError, check_count, check_not_negative, check
 from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.laser import check_sim_extra
 from hilbertvae.simulate.lidar_drive import rotations, scan_along
+from hilbertvae.simulate.shares import picked
 from hilbertvae.simulate.spinning_lidar import SENSORS, SpinningLidar
-from hilbertvae.simulate.street_variety import VARIETIES, Mount, draw_character, draw_mount, hilly, picked
+from hilbertvae.simulate.street_variety import VARIETIES, Mount, draw_character, draw_mount, hilly
 
 CHARACTERS = tuple(VARIETIES["usual"].characters)
 """The kinds of streets."""

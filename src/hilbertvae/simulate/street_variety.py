@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hilbertvae.simulate.shares import picked
 from hilbertvae.simulate.spinning_lidar import SpinningLidar
 
 if TYPE_CHECKING:  # it needs the extra `sim`
@@ -68,12 +69,6 @@ def draw_character(rng: np.random.Generator, variety: Variety, sensor: str, robo
     if robot:
         shares["park"] *= variety.robots_in_parks
     return picked(rng, shares)
-
-
-def picked(rng: np.random.Generator, shares: dict[str, float]) -> str:
-    """A key, by shares that need not sum to 1."""
-    weights = np.array(list(shares.values()))
-    return str(rng.choice(list(shares), p=weights / weights.sum()))
 
 
 @dataclass(frozen=True)
