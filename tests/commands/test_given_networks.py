@@ -1,5 +1,7 @@
 """`hilbertvae-train` with networks that it did not train: what they bring with them counts, and is what the result says."""
 
+from dataclasses import replace
+
 import pytest
 from hydra import compose, initialize_config_dir
 
@@ -91,6 +93,15 @@ def test_how_networks_are_trained_is_not_said_beside_one(network, word):
         refuse_ignored(settings, ["name=again", word])
     refuse_ignored(settings, ["trainer.threads=2", "trainer={accelerator: cpu}", "trainer=ddp", "debug=fast"])  # how maps are made, too
     refuse_ignored(settings_of(), [word])
+
+
+@pytest.mark.parametrize(("word", "other"), [("data.simulated_scans=5", 3), ("data={simulated_variety: wide}", 3),
+                                             ("++data.simulated_extent_m=[12, 16]", 3), ("data.street.variety=wide", 2)])  # fmt: skip
+def test_sites_of_another_dimension_are_not_described(word, other):
+    words = ["experiment=real_2d", "data.simulated=9", word, "debug=fast"]  # which has some of either
+    with pytest.raises(InputError, match=f"^{key_of(word)}: expected none with dimension={other}, where simulated sites are "):
+        refuse_ignored(replace(settings_of(), dimension=other), words)
+    refuse_ignored(replace(settings_of(), dimension=5 - other), words)
 
 
 @pytest.mark.parametrize("word", ["validation_gap_m=1", "calibration_seeds=[7]", "calibration_given=map",

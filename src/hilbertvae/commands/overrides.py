@@ -21,11 +21,20 @@ OF_A_TRAINING, OF_A_SCORING_TOO = ("augmentation.", "clustering.", "trainer."), 
 """Settings of how a network is trained, and those of them that say how maps are made, too."""
 OF_A_TRAINING_ALONE = ("trained", "data.simulated", "data.simulated_first", "data.simulated_clusterings")
 """More of them; other keys of `data` say what sites there are, and sweeps bring a `seed` with them."""
+OF_ANOTHER_SPACE = {
+    2: (("data.street",), "simulated sites are buildings"),
+    3: (("data.simulated_scans", "data.simulated_extent_m", "data.simulated_variety"), "simulated sites are what `data.street` says"),
+}
+"""By `dimension` the settings of sites that aren't drawn in it, and why."""
 
 
 def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
-    """An `InputError` for a setting, typed beside a `checkpoint`, of what that network brings with it: nothing would come of it. So it is
-    where mappers name the networks, and none is trained."""
+    """An `InputError` for a setting that nothing would come of: of simulated sites as they are in the other dimension, or, typed beside a
+    `checkpoint`, of what that network brings with it. So it is where mappers name the networks, and none is trained."""
+    theirs, why = OF_ANOTHER_SPACE.get(settings.dimension, ((), ""))
+    for key in _typed_keys(overrides):
+        if key.startswith(theirs):
+            raise InputError(f"{key}: expected none with dimension={settings.dimension}, where {why}")
     named = named_networks(settings)
     own = f"checkpoint={settings.checkpoint}" if settings.checkpoint else next((f"{key}={path}" for key, path in named.items()), "")
     trains = any(isinstance(mapper, dict) and mapper.get("reconstructor") == TRAINED for mapper in settings.mapper.values())
