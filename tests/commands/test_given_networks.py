@@ -114,6 +114,13 @@ def test_how_weights_are_learned_counts_for_maps_that_learn_them(network, word):
     refuse_ignored(settings_of("mapper=[cvae-hm]"), [word])
 
 
+@pytest.mark.parametrize("words", [["network=paper_32", "grid.cells=32"], ["network.known=false"], ["likelihood.kind=gaussian"]])
+def test_a_network_that_can_t_learn_from_a_site_is_told_of_before_its_training(tmp_path, words):
+    with pytest.raises(InputError, match="^mapper.cvae-hm-adapted: adapt_steps: expected a network that answers with logits and says"):
+        run(fast(tmp_path, "mapper=[cvae-hm-adapted]", *words))
+    assert not (tmp_path / "run/model.safetensors").exists()
+
+
 @pytest.mark.parametrize("word", ["flips=3", "neighbours=0", "weights=foo", "calibration=pixels", "device=hope", "inner_radius_m=-1",
                                   "inner_radius_m=9", "resolution_m=abc", "reconstructor=5", "reconstructor=[2d]",
                                   "reconstructor=gone.safetensors", "reconstructor=3d"])  # fmt: skip

@@ -4,6 +4,7 @@ import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.tables.alike import check_alike, origin_notes
+from hilbertvae.tables.layouts import read_page
 from hilbertvae.tables.sweep import read_sweep
 from toy_sweeps import change, put, put_failed
 
@@ -52,6 +53,14 @@ def test_what_a_sweep_varies_may_differ_and_what_it_needs_equal_may_not(tmp_path
     check_alike(sweep, varies=frozenset({"protocol.gap_ratio"}))
     with pytest.raises(InputError, match="config.grid.cells: 8, but 32"):
         check_alike(sweep, varies=frozenset({"protocol.gap_ratio"}), same=("grid.cells",))
+
+
+@pytest.mark.parametrize("kind", ["fig6", "fig7", "tradeoff", "generalise"])
+def test_networks_of_other_budgets_are_not_compared(tmp_path, kind):
+    for name, epochs in (("default-seed0", 2), ("other-seed0", 8)):
+        put(tmp_path, name, {"cvae-hm": [0.1, 0.2]}, config={"trainer.epochs": epochs})
+    with pytest.raises(InputError, match="config.trainer.epochs: 8, but 2"):
+        read_page(tmp_path, kind)
 
 
 def test_other_data_and_networks_beside_the_same_sites_and_a_broken_job_are_fine(tmp_path):

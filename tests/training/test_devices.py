@@ -39,7 +39,9 @@ def test_maps_are_filled_by_the_cpu_of_an_apple_gpu(tmp_path, monkeypatch, accel
     assert training_device(settings) == "mps" and filling_device(settings) == "cpu"
 
 
-@pytest.mark.parametrize("wrong", [{"accelerator": "gpu"}, {"accelerator": "cuda"}, {"strategy": "dpp"}, {"strategy": "ddp_spawn"}])
+@pytest.mark.parametrize(
+    "wrong", [{"accelerator": "gpu"}, {"accelerator": "cuda"}, {"strategy": "dpp"}, {"strategy": "ddp_spawn"}, {"strategy": "fsdp"}]
+)
 def test_where_nothing_can_train(tmp_path, monkeypatch, wrong):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     monkeypatch.setattr(torch.backends.mps, "is_available", lambda: False)

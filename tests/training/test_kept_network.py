@@ -63,6 +63,18 @@ def test_a_kept_network_takes_the_place_of_one_that_was_trained_there(first, tmp
     assert (output / "training.json").read_bytes() == (path.parent / "training.json").read_bytes()
 
 
+def test_a_training_that_was_not_kept_is_not_begun_anew_as_one_that_is(first, tmp_path):
+    """Its epochs may be hours of work, and lie nowhere else; kept as they are, they might be of other code than their name says."""
+    settings, _ = first
+    own = replace(settings, output=str(tmp_path / "own"), trained=None)
+    before = train(own).read_bytes()
+    with pytest.raises(InputError, match="^trained: .*own holds a training that was begun without it"):
+        train(replace(own, trained=settings.trained))
+    with pytest.raises(InputError, match="^output: .*own holds a run with other settings"):
+        train(replace(own, seed=2, trained=settings.trained))
+    assert (tmp_path / "own/model.safetensors").read_bytes() == before and (tmp_path / "own/checkpoints/last.ckpt").exists()
+
+
 def test_what_is_done_afterwards_or_elsewhere_does_not_name_a_network(first):
     settings, _ = first
     for changes in ({"name": "x"}, {"case": "x"}, {"size": "full"}, {"pictures": True}, {"trained": None}, {"scoring_processes": 2}):

@@ -4,6 +4,7 @@ import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import GridSettings
+from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.grids.training_grids import ClusteringSettings
 from hilbertvae.reconstruction.settings import AugmentationSettings, LikelihoodSettings
 from hilbertvae.scoring.protocol import Protocol
@@ -33,6 +34,7 @@ def test_simulated_sites_follow_the_first():
         ({"grid": GridSettings(cells=0)}, "grid.cells: expected at least 2"),
         ({"grid": GridSettings(cells=32.5)}, "grid.cells: expected a whole number"),
         ({"grid": GridSettings(cells="32")}, "grid.cells: expected a whole number"),
+        ({"clustering": ClusteringSettings(clusterings=-3), "data": DataSettings(simulated=3)}, "clustering.clusterings: expected"),
         ({"grid": GridSettings(minimum_points=-5)}, "grid.minimum_points: expected a whole number"),
         ({"grid": GridSettings(start="forgy")}, "grid.start: expected one of quick_means, ask_means,"),
         ({"evaluation": Protocol(gap_seeds=[])}, "evaluation.gap_seeds"),
@@ -159,6 +161,23 @@ def test_buildings_that_differ_otherwise_are_named():
     with pytest.raises(InputError, match="data.simulated_variety: expected one of usual, wide, got 'wild'"):
         replace(good(), data=DataSettings(train=["aces"], simulated_variety="wild")).check()
     assert Settings(data=DataSettings(simulated_variety="wide")).source().building.variety == "wide"
+
+
+def test_a_row_of_a_network_is_named_as_one():
+    """By its name tables know which rows to compare with which, and whose training costs what."""
+    for name in ("cvae-hm-wide", "cae-hm"):
+        replace(good(), mapper={name: {"reconstructor": "trained"}, "raw": {"reconstructor": None}, "gone": None}).check()
+    with pytest.raises(InputError, match="^mapper.big-hm: expected a name that begins with cvae-"):
+        replace(good(), mapper={"big-hm": {"reconstructor": "2d"}}).check()
+
+
+def test_cells_much_smaller_than_voxels_are_told_of(recwarn):
+    for resolution_m, of_extent in ((0.1, False), (0.16, False), (0.2, True)):
+        frame = FrameSettings(scale="extent") if of_extent else FrameSettings()
+        replace(good(), resolution_m=resolution_m, grid=GridSettings(frame=frame)).check()
+    assert not recwarn.list
+    with pytest.warns(UserWarning, match="^grid.cells: cells of 0.1 m in voxels of 0.2 m, of which most stay unknown"):
+        replace(good(), resolution_m=0.2).check()
 
 
 @pytest.mark.parametrize("extent", [[5.0, 9.0], [16.0, 12.0], [12.0], [12.0, 1e6]])

@@ -8,7 +8,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.files import path_sha256
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.scans.sites import CATALOGUE
-from hilbertvae.training.given_networks import give_networks
+from hilbertvae.training.given_networks import give_networks, load_named
 from hilbertvae.training.site_roles import check_roles, check_unseen, many_simulated, own_sites, place
 from hilbertvae.training.train import train
 from toy_rooms import tiny_reconstructor
@@ -32,6 +32,11 @@ def test_what_is_learned_from_is_given_once(key):
     sites[key] = ["simulated:9", *sites[key], "simulated:09"]
     with pytest.raises(InputError, match=f"data.{key}: expected each site once, .* got simulated:9, simulated:09$"):
         check_roles(sites["train"], "csail", [], sites["calibrate"])
+
+
+def test_a_test_site_is_given_once(tmp_path):
+    with pytest.raises(InputError, match="^data.test: expected each site once, got simulated:8, simulated:08$"):
+        check_roles([], "csail", ["simulated:8", "intel", "simulated:08"])
 
 
 def test_a_copy_of_a_real_site_is_that_site(tmp_path, monkeypatch):
@@ -124,6 +129,18 @@ def test_networks_are_asked_before_anything_is_scored(tmp_path):
     settings = replace(settings, data=replace(settings.data, test=["fr079"]))
     with pytest.raises(InputError, match="data.test: fr079 is among what the network of mapper.cvae-hm was trained on"):
         give_networks(settings, {"cvae-hm": HilbertMap("trained")}, network)
+
+
+def test_a_site_that_taught_a_map_its_weights_is_scored_with_a_warning(tmp_path, recwarn):
+    network = tiny_reconstructor(2)
+    network.card = {"calibrated_on": ["simulated:900010", "csail"]}
+    settings = tiny_settings(tmp_path / "run", tmp_path / "cache")
+    for test in ("simulated:0900010", "csail"):
+        known = replace(settings, data=replace(settings.data, test=["simulated:900011", test]))
+        with pytest.warns(UserWarning, match=f"^data.test: mapper.cvae-hm learned its map's weights on {test}, and"):
+            load_named(known, {"cvae-hm": HilbertMap(network)})
+    load_named(replace(settings, data=replace(settings.data, test=["simulated:900011"])), {"cvae-hm": HilbertMap(network)})
+    assert not recwarn.list
 
 
 def test_a_training_that_goes_on_asks_the_network_it_starts_from(tmp_path):

@@ -24,7 +24,7 @@ from hilbertvae.reconstruction.blocks import Reconstruction, convolutions
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
 from hilbertvae.reconstruction.precision import fast_autocast, training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reconstruction.settings import AugmentationSettings
+from hilbertvae.reconstruction.settings import AugmentationSettings, LikelihoodSettings
 
 GAP_DIAMETER_M = (1.0, 3.5)
 """Of the balls that are cut from each batch."""
@@ -42,6 +42,12 @@ def batch_size(reconstructor: Reconstructor) -> int:
     return max(1, round(BATCH_CELLS / reconstructor.grid.cells**reconstructor.dimension))
 
 
+def check_adaptable(likelihood: LikelihoodSettings, network: object) -> None:
+    """An `InputError` for a network that does not say how likely a cell is to be occupied or known (the paper's)."""
+    if likelihood.kind != "bernoulli" or not getattr(network, "known", False):
+        raise InputError("adapt_steps: expected a network that answers with logits and says which cells would be known, got another kind")
+
+
 _ONE_AT_A_TIME = Lock()
 
 
@@ -50,12 +56,9 @@ _ONE_AT_A_TIME = Lock()
 def adapted(
     reconstructor: Reconstructor, shown: np.ndarray, target: np.ndarray, steps: int, seed: int, device: str = "cpu"
 ) -> Reconstructor:
-    """`reconstructor`, trained for `steps` more on pairs of grids of one site (`gapped_grids`); the one given is left as it is.
-
-    An `InputError` for a network that does not say how likely a cell is to be occupied or known (the paper's).
-    """
-    if reconstructor.likelihood.kind != "bernoulli" or not getattr(reconstructor.network_settings, "known", False):
-        raise InputError("adapt_steps: expected a network that answers with logits and says which cells would be known, got another kind")
+    """`reconstructor`, trained for `steps` more on pairs of grids of one site (`gapped_grids`); the one given is left as it is. Raises as
+    `check_adaptable`."""
+    check_adaptable(reconstructor.likelihood, reconstructor.network_settings)
     before, network = reconstructor.network.eval().to(device), copy.deepcopy(reconstructor.network).to(device)
     likelihood = LIKELIHOODS["bernoulli"](reconstructor.likelihood)
     optimizer = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, betas=(0.9, 0.95), weight_decay=0.0)

@@ -18,7 +18,8 @@ class Scans:
 
     points: (N, D) float64, metres, map frame: where each beam ended.
     origins: (N, D) float64, metres, map frame: where each beam started.
-    scan: (N,) int32, the sweep a return belongs to, not decreasing.
+    scan: (N,) int32, the sweep a return belongs to, counted on by one from each to the next (one that returned nothing has a number, too):
+        by it and `beam` a tenth of the beams is held out, and scans are hidden.
     beam: (N,) int32, the beam's number within its sweep.
     """
 

@@ -16,6 +16,9 @@ SITE, GAPS = "site", "gaps"
 NO_SITE = ("checkpoint", "mapper.")
 """What names among a run's data begin with that are no site: a network may well differ from row to row."""
 
+BUDGET = ("trainer.epochs", "trainer.steps_per_epoch", "trainer.batch_size", "calibration_seeds", "data.simulated")
+"""Settings that must agree where rows are of networks that were trained alike: a sweep's folder keeps jobs of earlier calls."""
+
 
 class Made(Protocol):
     """Any file that says what made it, as `provenance` does."""

@@ -16,8 +16,6 @@ from hilbertvae.tables.spread import Spread, differences, over_seeds, share_of, 
 from hilbertvae.tables.sweep import Sweep
 
 VARIES = frozenset({SITE, GAPS})
-SAME = ("trainer.epochs", "trainer.steps_per_epoch", "trainer.batch_size")
-"""The budget: networks of two are no two of one recipe."""
 TITLE = "Each site left out of training in turn"
 EVERY = "all sites"
 """The last row: mean and deviation over the sites' means."""

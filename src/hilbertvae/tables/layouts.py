@@ -9,7 +9,7 @@ from pathlib import Path
 from hilbertvae.checks import InputError
 from hilbertvae.tables import gap_size, generalise
 from hilbertvae.tables.ablation import ablation_page
-from hilbertvae.tables.alike import check_alike, origin_notes
+from hilbertvae.tables.alike import BUDGET, check_alike, origin_notes
 from hilbertvae.tables.clustering import read_starts
 from hilbertvae.tables.gap_size import gap_size_page
 from hilbertvae.tables.generalise import generalise_page
@@ -52,11 +52,11 @@ LAYOUTS: dict[str, Layout | StartsLayout] = {
     "table1": Layout(methods_page),
     "table2": Layout(methods_page),
     "fig2": StartsLayout(),
-    "fig6": Layout(latent_page),
-    "fig7": Layout(gap_size_page, varies=gap_size.VARIES),
-    "tradeoff": Layout(tradeoff_page),
+    "fig6": Layout(latent_page, same=BUDGET),
+    "fig7": Layout(gap_size_page, varies=gap_size.VARIES, same=BUDGET),
+    "tradeoff": Layout(tradeoff_page, same=BUDGET),
     "ablation": Layout(ablation_page),
-    "generalise": Layout(generalise_page, varies=generalise.VARIES, same=generalise.SAME),
+    "generalise": Layout(generalise_page, varies=generalise.VARIES, same=BUDGET),
 }
 
 

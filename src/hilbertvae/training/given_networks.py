@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import copy
+import warnings
 
 from hilbertvae.checks import InputError
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reconstruction.adaptation import check_adaptable
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.training_card import calibrated_on
 from hilbertvae.reports.mapper_names import without_sampling
 from hilbertvae.scans.file_points import named
 from hilbertvae.training.devices import filling_device
 from hilbertvae.training.settings import TRAINED, Settings
-from hilbertvae.training.site_roles import check_unseen
+from hilbertvae.training.site_roles import check_unseen, place
 
 NOT_THERE = object()
 
@@ -40,6 +43,9 @@ def load_named(settings: Settings, mappers: dict[str, Mapper], reconstructor: Re
             network = reconstructor if of_run else mapper.reconstructor
             if network:
                 _check_network(settings, name, mapper, network)
+            if mapper.adapt_steps and mapper.reconstructor is not None:
+                with named(f"mapper.{name}"):
+                    check_adaptable((network or settings).likelihood, network.network_settings if network else settings.network)
             grid = mapper.grid or (network or settings).grid
             if mapper.inner_radius_m is not None and mapper.inner_radius_m > grid.cluster_diameter_m / 2:
                 most = f"at most half of its boxes' {grid.cluster_diameter_m:g} m"
@@ -92,3 +98,7 @@ def _check_network(settings: Settings, name: str, mapper: HilbertMap, network: R
         wanted = f"{network.resolution_m:g}, as the network of mapper.{name} was trained with"
         raise InputError(f"resolution_m: expected {wanted}, got {settings.resolution_m:g}")
     check_unseen(settings.data.test, network.card, "data.test", f"the network of mapper.{name}")
+    taught = set(map(place, calibrated_on(network.card)))
+    if known := [site for site in settings.data.test if place(site) in taught]:
+        flattered = f"mapper.{name} learned its map's weights on {', '.join(known)}, and its scores there are better than elsewhere"
+        warnings.warn(f"data.test: {flattered}", stacklevel=2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -13,6 +14,7 @@ from hilbertvae.grids.training_grids import ClusteringSettings
 from hilbertvae.mappers.weights import OCCUPIED_WEIGHT, check_occupied_weight
 from hilbertvae.reconstruction.settings import AugmentationSettings, GatedNetworkSettings, LikelihoodSettings
 from hilbertvae.reconstruction.symmetry import check_flips
+from hilbertvae.reports.mapper_names import is_network
 from hilbertvae.scoring.protocol_settings import Protocol, check_given
 from hilbertvae.simulate.building import BuildingSettings
 from hilbertvae.site import SIMULATED, SiteSource
@@ -23,6 +25,8 @@ from hilbertvae.training.trainer_settings import TrainerSettings
 TASKS = ("maps", "clustering")
 TRAINED = "trained"
 """What a mapper's `reconstructor` is set to when it takes the network of the run; any other text is a checkpoint's path."""
+COARSE = 0.6
+"""Of a voxel: smaller cells are told of. A cloud has one point a voxel, so in the plane one in four of cells half as wide is known."""
 
 
 @dataclass
@@ -125,8 +129,13 @@ class Settings:
             raise InputError("data.test: expected a site whose returns are clustered, got none")
         trained = [] if self.checkpoint else [*self.data.train, *self.simulated_sites()]  # of a network that is given its card says on what
         check_roles(trained, self.data.validate, self.data.test, self.data.calibrate)
-        if self.data.train:
-            check_count(self.clustering.clusterings, "clustering.clusterings")
+        check_count(self.clustering.clusterings, "clustering.clusterings")
+        for name, mapper in self.mapper.items():
+            if isinstance(mapper, dict) and mapper.get("reconstructor") and not is_network(name):
+                raise InputError(f"mapper.{name}: expected a name that begins with cvae-, by which tables know that it has a network")
+        if not self.checkpoint and self.grid.frame.scale == "fixed" and self.grid.cell_m < COARSE * self.resolution_m:
+            cells = f"cells of {self.grid.cell_m:g} m in voxels of {self.resolution_m:g} m, of which most stay unknown"
+            warnings.warn(f"grid.cells: {cells}; `grid.cluster_diameter_m` / `grid.cells` is a cell's side", stacklevel=2)
         check_seeds(self.calibration_seeds, "calibration_seeds")
         check_positive(self.scoring_processes, "scoring_processes")
         check_positive(self.validation_gap_m, "validation_gap_m")

@@ -42,6 +42,9 @@ def check_roles(train: list[str], validate: str, test: list[str], calibrate: Seq
         several = Counter(places[site] for site in sites)
         if twice := [site for site in sites if several[places[site]] > 1]:
             raise InputError(f"{key}: expected each site once, since one given twice would count double, got {', '.join(twice)}")
+    several = Counter(tested := list(map(place, test)))
+    if twice := [site for site, at in zip(test, tested, strict=True) if several[at] > 1]:
+        raise InputError(f"data.test: expected each site once, got {', '.join(twice)}")
     names = [site_name(site) for site in test]
     if len(set(names)) < len(names):
         raise InputError(f"data.test: expected sites of different names, since results are kept under them, got {', '.join(names)}")

@@ -81,8 +81,9 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
             "checkpoint: expected none in a training; `evaluate` scores a network that is there, `trainer.initial` goes on from it"
         )
     check_accelerator(settings)
-    started_anew = [name for name in StrategyRegistry.available_strategies() if not re.search("spawn|fork|notebook", name)]
-    if settings.trainer.strategy not in (known := ["auto", *started_anew]):  # others would send a run's open files to their processes
+    # Others would send a run's open files to their processes, or cut a network, which is none too large, into parts.
+    started_anew = [name for name in StrategyRegistry.available_strategies() if re.match("ddp(?!.*(spawn|fork|notebook))", name)]
+    if settings.trainer.strategy not in (known := ["auto", *started_anew]):
         raise InputError(f"trainer.strategy: expected one of {', '.join(known)}, got {settings.trainer.strategy!r}")
     output = Path(settings.output)
     use_threads(settings)
@@ -90,6 +91,7 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
         card, data = Reconstructor.load(settings.trainer.initial).card, settings.data
         for key, sites in (("data.validate", [data.validate]), ("data.calibrate", data.calibrate), ("data.test", data.test)):
             check_unseen(sites, card, key, "trainer.initial")
+    check_folder(settings)
     kept = KeptNetwork(settings.trained, kept_name(settings)) if settings.trained and first_rank() else None
     checkpoint = output / "model.safetensors"
     reconstructor = kept.take(checkpoint) if kept else None
@@ -188,14 +190,13 @@ def _steps_done(resume: Path | None) -> int | None:
 
 
 def _last_epoch(output: Path, settings: Settings) -> Path | None:
-    """The checkpoint to go on from; an `InputError` if the folder holds a run with other settings.
+    """The checkpoint to go on from, if the folder holds one.
 
     A job whose network is kept is made anew instead, also after a change of the code: what it left is filed under the hash of both, and
     whoever changes a sweep's settings asks for other networks. A single run goes on over a change of the code, as a long one may have to.
     """
     last = output / CHECKPOINTS / "last.ckpt"
     if last.exists():
-        check_folder(settings)
         if _is_of(output, settings):
             return last
         print(f"{output}: was trained with other settings, or by other code; trained anew")
@@ -204,10 +205,18 @@ def _last_epoch(output: Path, settings: Settings) -> Path | None:
 
 
 def check_folder(settings: Settings) -> None:
-    """An `InputError` if the folder of the run holds the training of another one, which it would go on from or write over."""
+    """An `InputError` if the folder of the run holds the training of another one, which it would go on from or write over. One that is
+    kept may be written over by one that is to be kept, too."""
     output = Path(settings.output)
-    if not settings.trained and (output / CHECKPOINTS / "last.ckpt").exists() and not _is_of(output, settings):
-        before = json_object(output / TRAINING).get("settings")
+    found = json_object(output / TRAINING) if (output / CHECKPOINTS / "last.ckpt").exists() else None
+    if found is None or (settings.trained and "kept_name" in found):
+        return
+    same = found.get("training_hash") == training_hash(settings)
+    if settings.trained and same:
+        ways = "leave it out to go on, choose another `name`, or remove the folder"
+        raise InputError(f"trained: {output} holds a training that was begun without it; {ways}")
+    if not same:
+        before = found.get("settings")
         other = first_differences(_as_read(settings), before) if isinstance(before, dict) else ""
         told = f" ({other})" if other else ""
         raise InputError(f"output: {output} holds a run with other settings{told}; choose another `name`, or remove the folder")
