@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hilbertvae.checks import InputError
-from hilbertvae.ground import ABOVE_GROUND_M, find_ground
+from hilbertvae.ground import ABOVE_GROUND_M, BLOCK_M, Ground, find_ground, find_wide_ground
 
 
 def road(rng, slope, count=40_000, extent_m=40.0):
@@ -51,6 +51,24 @@ def test_walls_stand_on_it_and_stray_returns_below_do_not_pull_it_down():
 def test_tiles_without_returns_and_points_beyond_take_the_nearest_height():
     ground = find_ground(np.array([[0.0, 0.0, 1.0], [30.0, 0.0, 1.0]]))
     np.testing.assert_allclose(ground.height_above(np.array([[15.0, 0.0, 1.5], [-99.0, 5.0, 0.0]])), [0.5, -1.0])
+
+
+def test_a_wide_map_has_the_ground_of_its_parts(monkeypatch):
+    """Whole or by blocks it is the same, but for where tiles begin; far-off parts change nothing."""
+    rng = np.random.default_rng(0)
+    plain = road(rng, np.array([0.05, -0.02]), count=300_000, extent_m=300.0) - [150.0, 150.0, 0.0]
+    car = box(rng, [100.0, 0.0], np.array([1.8, 4.4, 1.3]), 0.25 + 250 * 0.05 - 150 * 0.02)
+    returns = np.concatenate([plain, car])
+    whole = find_wide_ground(returns)
+    assert isinstance(whole, Ground)
+    far = np.array([5 * BLOCK_M + 3, -70 * BLOCK_M, 40.0])
+    wide = find_wide_ground(np.concatenate([returns, road(rng, np.zeros(2)) + far]))
+    assert len(wide.key) == len(wide.parts) == 4 + 1
+    np.testing.assert_allclose(wide.height_above(returns), whole.height_above(returns), atol=0.1)
+    asked = np.array([[5.0, 5.0, 155 * 0.03 + 1.0], far + np.array([5.0, 5.0, 1.0])])
+    np.testing.assert_allclose(wide.height_above(asked), 1.0, atol=0.2)
+    monkeypatch.setattr("hilbertvae.ground.WIDE_TILES", 1)
+    np.testing.assert_allclose(find_wide_ground(returns).height_above(returns), whole.height_above(returns), atol=0.1)
 
 
 @pytest.mark.parametrize(

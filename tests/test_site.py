@@ -2,6 +2,7 @@ import copy
 import os
 import pickle
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,6 +59,12 @@ def test_which_points_belong_to_held_out_beams(place):
     held_out = place.scans.held_out()
     np.testing.assert_array_equal(place.points_held_out, [held_out[k] for k in beam])
     assert place.points_held_out.mean() == pytest.approx(0.1, abs=0.02)
+
+
+def test_beams_that_are_all_held_out_are_told_of(room):
+    none = np.zeros(len(room.scans), np.int32)
+    with pytest.raises(InputError, match="^scans: expected beams beside the held-out ones, got none; number the beams"):
+        _ = Site("one beam", replace(square_room(), scan=none, beam=none)).fit
 
 
 def test_another_resolution(room):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, grey_opening, median_filter, uniform_filter
+from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError, check_points
 
@@ -17,6 +18,10 @@ WIDEST_OBJECT_M = 4.0
 ABOVE_GROUND_M = 0.4
 """From this height on a point is above ground (METHOD 7)."""
 MOST_TILES = 2**26
+BLOCK_M, MARGIN_M = 256.0, 16.0
+"""Of wide maps the ground is found a block at a time, with what lies around it: nothing farther off has a say in it."""
+WIDE_TILES = 2**20
+"""So many tiles, half a kilometre in square, are no wide map yet."""
 
 
 @dataclass(frozen=True)
@@ -59,3 +64,39 @@ def find_ground(returns: np.ndarray) -> Ground:
     level = median_filter(height[tuple(nearest)], 3, mode="nearest")  # where a tile has few returns, one underground makes a pit
     opened = grey_opening(level, size=(size, size), mode="nearest")
     return Ground(low, uniform_filter(opened, 3, mode="nearest"))
+
+
+@dataclass(frozen=True)
+class BlockGround:
+    """key: (B, 2) whole numbers, the blocks of `BLOCK_M` that have a ground; parts: theirs."""
+
+    key: np.ndarray
+    parts: list[Ground]
+
+    def height_above(self, points: np.ndarray) -> np.ndarray:
+        """(Q,) metres of `points (Q, 3)` above the ground of their block, or of the nearest one."""
+        _, block = cKDTree(self.key + 0.5).query(points[:, :2] / BLOCK_M)
+        height = np.empty(len(points))
+        for number in np.unique(block):
+            chosen = block == number
+            height[chosen] = self.parts[number].height_above(points[chosen])
+        return height
+
+
+def find_wide_ground(returns: np.ndarray) -> Ground | BlockGround:
+    """As `find_ground`, of returns that may lie kilometres apart: it costs what they cover, not the rectangle around them."""
+    returns = check_points(returns, "returns", dimension=3)
+    with np.errstate(over="ignore"):
+        wide = np.prod(np.ptp(returns[:, :2], axis=0) / TILE_M + 1) > WIDE_TILES
+    if not wide:
+        return find_ground(returns)
+    order = np.lexsort(np.floor(returns[:, :2] / BLOCK_M).T)
+    key, start, count = np.unique(np.floor(returns[order, :2] / BLOCK_M), axis=0, return_index=True, return_counts=True)
+    rows = {tuple(of): order[first : first + many] for of, first, many in zip(key, start, count, strict=True)}
+    parts = []
+    for of in key:
+        around = [rows[near] for x in (-1, 0, 1) for y in (-1, 0, 1) if (near := (of[0] + x, of[1] + y)) in rows]
+        near = returns[np.concatenate(around)]
+        low, high = of * BLOCK_M - MARGIN_M, (of + 1) * BLOCK_M + MARGIN_M
+        parts.append(find_ground(near[((near[:, :2] >= low) & (near[:, :2] < high)).all(axis=1)]))
+    return BlockGround(key, parts)

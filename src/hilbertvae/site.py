@@ -66,7 +66,7 @@ class Site:
     @cached_property
     def fine_fit(self) -> Cloud:
         """The `fit` cloud in voxels `FINE` times as fine: what a map with such cells is made of."""
-        return fit_cloud(self.scans.select(~self.scans.held_out()), self.resolution_m / FINE)
+        return fit_cloud(self._fitted, self.resolution_m / FINE)
 
     @cached_property
     def voxels(self) -> Cloud:
@@ -102,9 +102,17 @@ class Site:
         """The local ground of a 3D site, found from all of its returns: scores are split by it, and no mapper knows it."""
         return find_ground(self.scans.points)
 
+    @property
+    def _fitted(self) -> Scans:
+        """The returns of beams that are not held out."""
+        fitted = self.scans.select(~self.scans.held_out())
+        if len(self.scans) and not len(fitted):
+            raise InputError("scans: expected beams beside the held-out ones, got none; number the beams of a sweep from 0 on")
+        return fitted
+
     @cached_property
     def _fitted_votes(self) -> VoxelVotes:
-        return voxel_votes(self.scans.select(~self.scans.held_out()), self.resolution_m)
+        return voxel_votes(self._fitted, self.resolution_m)
 
     @cached_property
     def _held_out_votes(self) -> VoxelVotes | None:

@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -64,6 +66,19 @@ def put(value):
         return array
 
     return change
+
+
+def test_forged_arrays_take_no_memory():
+    """Each bit stands for a voxel, whose place takes a hundred times as much."""
+    arrays = forged("seen", lambda array: np.full((20_000, array.shape[1]), 255, np.uint8))
+    arrays["corner"] = np.stack([np.arange(20_000), np.zeros(20_000)], axis=1).astype(np.int32)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match="hits: expected shape"):
+            evidence_of(arrays, 2, 0.1)
+        assert tracemalloc.get_traced_memory()[1] < 10 * arrays["seen"].nbytes
+    finally:
+        tracemalloc.stop()
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,13 @@ def test_no_return_is_inf_as_well_as_nan(tmp_path):
     assert len(said["clipped", "nan"]) == len(said["clipped", "inf"]) == 1
 
 
+def test_a_byte_order_mark_hides_no_scan(tmp_path):
+    lines = [carmen_line(np.full(180, 3.0), [0, 0, 0]), carmen_line(np.full(180, 3.0), [1, 0, 0])]
+    path = write_log(tmp_path / "a.log", lines)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert len(read_carmen(path)) == 360
+
+
 def test_no_return_codes_are_skipped(tmp_path):
     ranges = np.full(180, 3.0)
     ranges[[0, 7, 8, 9, 10]] = [81.83, 25.0, 0.0, -1.0, 24.999]

@@ -90,6 +90,23 @@ def test_a_laser_is_turned_beam_by_beam(tmp_path):
             np.testing.assert_allclose(scans.origins[chosen[beam]], moved(np.zeros((1, 3)), *chain)[0, :2], rtol=0, atol=1e-3)
 
 
+def test_a_laser_whose_message_has_the_time_of_its_last_beam(tmp_path):
+    """It says so by a time between beams below 0; one that says nonsense is taken as it is, with a warning."""
+    with bag(tmp_path / "a.bag") as made:
+        for stamp in np.arange(0, 81) / 20:
+            made.transform("/tf", stamp, "odom", "laser", robot(stamp))
+        for stamp, step in ((0.31, -0.0005), (1.33, 0.01)):
+            made.laser("/scan", stamp, "laser", RANGES, time_step=step)
+    with pytest.warns(UserWarning, match="the times of points in 1 of 2 scans make no sweep of 0.002 to 1 s"):
+        scans = read_bag(tmp_path / "a.bag")
+    for beam in (0, 90, 180):
+        seconds = 0.31 - float(np.float32(0.0005)) * beam
+        turn = float(np.float32(-np.pi / 2)) + float(np.float32(np.pi / 180)) * beam
+        end = moved([[RANGES[beam] * np.cos(turn), RANGES[beam] * np.sin(turn), 0.0]], robot(seconds))
+        np.testing.assert_allclose(scans.points[(scans.scan == 0) & (scans.beam == beam)][0], end[0, :2], rtol=0, atol=1e-3)
+    assert (scans.origins[scans.scan == 1] == scans.origins[scans.scan == 1][0]).all()
+
+
 def lidar_sweep(stamp, first_s=0.0, count=400):
     """What a lidar on `robot` sees of 400 places around it, one after the other in 0.1 s: places, measured points, times after `stamp`."""
     rng = np.random.default_rng(7)

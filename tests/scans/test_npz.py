@@ -9,6 +9,7 @@ import pytest
 from point_writers import POINTS, write_npz
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.formats import read_scans_path
 from hilbertvae.scans.npz import read_npz
 from hilbertvae.scans.point_files import read_point_file
 
@@ -30,6 +31,20 @@ def test_other_arrays_may_have_any_name_beside_the_right_ones(tmp_path):
     found = read_npz(write_npz(tmp_path / "a.npz", POINTS, origins=POINTS[0], origin=POINTS[1], scan=SCAN, scans=SCAN[:3]))
     np.testing.assert_array_equal(found.origins, POINTS[0])
     np.testing.assert_array_equal(found.scan, SCAN)
+
+
+@pytest.mark.parametrize("points", [[], np.empty((0, 2)), np.empty((0, 3), "f4")])
+def test_a_scan_of_no_return_is_one(tmp_path, points):
+    """However it says where its beams, of which there are none, started."""
+    for number in range(3):
+        np.savez(tmp_path / f"{number}.npz", points=POINTS, origins=POINTS[0])
+    np.savez(tmp_path / "1.npz", points=points, origins=np.zeros((1, 3)), scan=np.zeros(0, int))
+    assert len(read_npz(tmp_path / "1.npz").points) == 0
+    with pytest.raises(InputError, match="1.npz: expected at least one point"):
+        read_point_file(tmp_path / "1.npz")
+    (tmp_path / "poses.txt").write_text("1 0 0 0 0 1 0 0 0 0 1 0\n" * 3)
+    with pytest.warns(UserWarning, match="1 of 3 scans have no return and are left out"):
+        assert set(read_scans_path(tmp_path).scan.tolist()) == {0, 1}
 
 
 def test_an_archive_that_is_not_packed_and_in_columns_order(tmp_path):

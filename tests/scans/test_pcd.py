@@ -100,6 +100,13 @@ def test_a_viewpoint_and_gaps_without_count(tmp_path):
     np.testing.assert_array_equal(found.origins, [4, 5, 1e-5])
 
 
+@ENCODINGS
+def test_a_byte_order_mark_is_read_past(tmp_path, encoding):
+    path = write_pcd(tmp_path / "a.pcd", POINTS, encoding)
+    path.write_bytes(b"\xef\xbb\xbf# .PCD\n" + path.read_bytes())
+    np.testing.assert_allclose(read_pcd(path).points, POINTS, rtol=0, atol=WRITTEN_M[encoding])
+
+
 def test_files_of_something_else(tmp_path):
     (tmp_path / "a.pcd").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(100))
     with pytest.raises(InputError, match="a.pcd: expected a PCD file's header, found no line FIELDS, SIZE, TYPE, WIDTH, POINTS$"):

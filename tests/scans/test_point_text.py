@@ -3,6 +3,7 @@ import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans import point_text
+from hilbertvae.scans.file_points import NoRows
 from hilbertvae.scans.point_text import read_point_text
 
 
@@ -133,6 +134,39 @@ def test_a_plain_file_is_left_to_numpy(tmp_path, monkeypatch, text):
     (tmp_path / "a.xyz").write_text(text, newline="")
     monkeypatch.setattr(point_text, "number_table", None)
     assert len(read_point_text(tmp_path / "a.xyz").points)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["x,y,z # metres\n1,2,3\n", "x y z // metres\n1 2 3 // first\n", "x\ty\tz\t# a\n1\t2\t3\n", "1,2,3 # first\n", "1 2 3# first\n",
+     '"x","y","z"\n"1","2","3"\n', '"1";"2";"3"\n', "\tx\ty\tz\n0\t1\t2\t3\n", "\t1 2 3\n", "ring#,x,y,z\n7,1,2,3\n"],
+)  # fmt: skip
+def test_comments_and_quotes_and_an_index(tmp_path, text):
+    (tmp_path / "a.csv").write_text(text)
+    assert read_point_text(tmp_path / "a.csv").points.tolist() == [[1, 2, 3]]
+
+
+@pytest.mark.parametrize("name", ["z (mm)", "z_mm", "Z-coordinate", "z [ft]"])
+def test_a_height_in_other_words_is_not_passed_over(tmp_path, name):
+    (tmp_path / "a.csv").write_text(f"x,y,{name}\n1,2,3\n")
+    with pytest.raises(InputError, match="a.csv: expected a column z, z_m or z .m. beside x and y"):
+        read_point_text(tmp_path / "a.csv")
+
+
+def test_what_may_be_a_height_is_told_of(tmp_path, recwarn):
+    for name in ("zone", "time"):
+        (tmp_path / "a.csv").write_text(f"x,y,{name}\n1,2,3\n")
+        assert read_point_text(tmp_path / "a.csv").points.tolist() == [[1, 2]]
+    assert not recwarn.list
+    (tmp_path / "a.csv").write_text("x,y,Height\n1,2,3\n")
+    with pytest.warns(UserWarning, match="points are of the plane, by x and y; call 'height' z if"):
+        assert read_point_text(tmp_path / "a.csv").points.tolist() == [[1, 2]]
+
+
+def test_a_count_of_no_points_is_a_file_without_any(tmp_path):
+    (tmp_path / "a.pts").write_text("0\n")
+    with pytest.raises(NoRows):
+        read_point_text(tmp_path / "a.pts")
 
 
 @pytest.mark.parametrize("block", [1, 2, 3, 100])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hilbertvae.scans.bag_messages import LASER_SCAN, POINT_CLOUD
-from hilbertvae.scans.point_times import beam_times
+from hilbertvae.scans.point_times import beam_times, says_times
 
 STAMP_NS = 1_700_000_000_123_456_789
 SWEEP_S = np.linspace(0.0, 0.1, 101)
@@ -12,12 +12,14 @@ SWEEP_S = np.linspace(0.0, 0.1, 101)
 
 @pytest.mark.parametrize(
     ("step", "beams", "expected"),
-    [(0.001, 101, 100_000_000), (0.0, 101, None), (-0.001, 101, None), (np.nan, 101, None), (np.inf, 101, None), (17.4, 101, None),
+    [(0.001, 101, 100_000_000), (0.0, 101, None), (-0.001, 101, -100_000_000), (-0.02, 101, None),
+     (np.nan, 101, None), (np.inf, 101, None), (17.4, 101, None),
      (0.001, 1, None), (0.001, 0, None)],
 )  # fmt: skip
 def test_a_laser_turns_for_so_long(step, beams, expected):
     message = SimpleNamespace(__msgtype__=LASER_SCAN, time_increment=step, ranges=np.ones(beams))
     times = beam_times(message, STAMP_NS, np.ones(beams, bool))
+    assert says_times(message) == (step != 0 and beams > 1)
     assert times is None if expected is None else times.tolist() == [beam * expected // (beams - 1) for beam in range(beams)]
 
 

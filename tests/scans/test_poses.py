@@ -9,7 +9,7 @@ from point_writers import random_poses
 from scipy.spatial.transform import Rotation
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.poses import read_poses
+from hilbertvae.scans.poses import read_calibration, read_poses
 
 LINE = "1 0 0 5 0 1 0 6 0 0 1 7\n"
 
@@ -28,6 +28,8 @@ def test_kitti_and_tum_say_the_same(tmp_path):
 def test_a_byte_order_mark_is_no_number(tmp_path):
     (tmp_path / "poses.txt").write_text(LINE, encoding="utf-8-sig")
     assert read_poses(tmp_path / "poses.txt")[0, :, 3].tolist() == [5, 6, 7]
+    (tmp_path / "calib.txt").write_text("Tr: 1 0 0 7 0 1 0 8 0 0 1 9\n", encoding="utf-8-sig")
+    assert read_calibration(tmp_path / "calib.txt")[:, 3].tolist() == [7, 8, 9]
 
 
 def test_times_that_go_back_are_said(tmp_path):

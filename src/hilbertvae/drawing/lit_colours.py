@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 
 from hilbertvae.drawing.surface import Surface
-from hilbertvae.ground import Ground
+from hilbertvae.ground import BlockGround, Ground
 
 HEIGHT = LinearSegmentedColormap.from_list(
     "height", ["#d3cfc7", "#d3cfc7", "#9dbbdc", "#5b8ecb", "#6a68bd", "#a85aa8", "#e0708a", "#f6a35c", "#fbd25f"]
@@ -22,7 +22,7 @@ PREDICTED_SHARE = 0.5
 """The share of the tint where a surface was predicted, not observed."""
 
 
-def surface_colours(surface: Surface, ground: Ground | None = None) -> np.ndarray:
+def surface_colours(surface: Surface, ground: Ground | BlockGround | None = None) -> np.ndarray:
     """(V, 3) uint8: by height above the ground, tinted where the surface was predicted. Without a ground, above its own low end."""
     if not len(surface):
         return np.empty((0, 3), np.uint8)

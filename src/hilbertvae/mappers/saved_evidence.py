@@ -39,6 +39,9 @@ def evidence_of(arrays: dict[str, np.ndarray], dimension: int, resolution_m: flo
         raise InputError("seen: expected bytes with at least one voxel per brick")
     if len(corner) and not (np.abs(corner.astype(float)) < FARTHEST).all():
         raise InputError("corner: expected bricks nearer to the origin")
+    voxels = int(np.bitwise_count(seen).sum())
+    for name in ("hits", "frees"):  # before memory is taken for the places of as many
+        _array(arrays, name, "uf", (voxels,))
     brick, cell = np.nonzero(np.unpackbits(seen, axis=1))
     index = corner.astype(np.int64)[brick] * side + np.stack(np.unravel_index(cell, (side,) * dimension), axis=1)
     votes, means = [], []

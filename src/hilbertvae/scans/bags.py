@@ -23,7 +23,7 @@ from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.deskewing import deskewed_along
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, named, reading
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
-from hilbertvae.scans.point_times import SWEEP_S, beam_times, time_field
+from hilbertvae.scans.point_times import SWEEP_S, beam_times, says_times
 from hilbertvae.scans.poses import MOST_TILT_DEG, leans
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
@@ -94,7 +94,7 @@ def read_bag(
             if index % every:
                 continue
             seen += 1
-            untimed += deskew and times is None and len(kept) > 0 and not is_flat and time_field(message) is not None
+            untimed += deskew and times is None and len(kept) > 0 and says_times(message)
             if pose is None:
                 continue
             if is_flat and leans(pose):

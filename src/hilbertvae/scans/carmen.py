@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import os
 import warnings
@@ -91,7 +92,7 @@ def _lines(path: Path):
             for number, line in enumerate(iter(lambda: file.readline(MAX_LINE + 1), b""), start=1):
                 if len(line) > MAX_LINE:  # a packed file of a megabyte can hold a line of a gigabyte
                     raise InputError(f"{path}, line {number}: expected a CARMEN log, got a line of more than {MAX_LINE} bytes")
-                yield number, line
+                yield number, line.removeprefix(codecs.BOM_UTF8) if number == 1 else line
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; expected a CARMEN log (.log or .log.gz)") from error
     except EOFError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import os
 import re
@@ -76,6 +77,10 @@ def _header_lines(file) -> tuple[list[str], bool]:
     """The header's lines and the file at its data, as pypcd4 takes them: up to DATA, ten lines at most, comments left out. Also whether
     pypcd4 can read them itself, which takes comments in UTF-8 alone."""
     lines, is_plain = [], True
+    if file.read(len(codecs.BOM_UTF8)) == codecs.BOM_UTF8:
+        is_plain = False
+    else:
+        file.seek(0)
     for line in file:
         is_plain &= line.isascii()
         text = line.decode("latin1").strip()

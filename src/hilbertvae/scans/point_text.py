@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 import re
 import warnings
@@ -18,22 +19,31 @@ MAX_LINE = 65536
 BLOCK = 2**20
 """Bytes that are looked through at a time."""
 COMMENTS = ("#", "//")
+COMMENT_AFTER = re.compile(rb"[ \t]+(?:#|//)|(?<=[\d.])(?:#|//)")
+"""Where a comment begins behind the first row, or names, one of which may be `ring#`."""
 MARGIN = b" \r\n"
 """What is around a row. Tabs may be its delimiters, and then stand beside an empty column."""
 METRES = re.compile(r"_m$|\s*(\(m\)|\[m\])$")
 """How the name of a column says that it is in metres."""
+UPWARDS, MAYBE_UPWARDS = re.compile(r"z[^a-z0-9]"), re.compile(r"height|elev|alt")
+"""How a column's name begins that must be, or may be, z in other words, where none is called so."""
 COMPONENT = re.compile(r"points(?:_m_xyz)?[:_]([012])")
 """What ParaView and VeloView call coordinates."""
-BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 def number_table(
-    lines: Iterable[bytes], delimiter: str | None = None, columns: Sequence[int] | None = None, max_rows: int | None = None
+    lines: Iterable[bytes],
+    delimiter: str | None = None,
+    columns: Sequence[int] | None = None,
+    max_rows: int | None = None,
+    quote: str | None = None,
 ) -> np.ndarray:
     """(N, C) float64 of lines of numbers, comments and empty lines left out; a ValueError for ragged rows or no numbers."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # numpy warns of empty lines and of no rows; the second is an error of the caller's
-        return np.loadtxt(lines, np.float64, COMMENTS, delimiter, usecols=columns, max_rows=max_rows, ndmin=2, encoding="latin1")
+        return np.loadtxt(
+            lines, np.float64, COMMENTS, delimiter, usecols=columns, max_rows=max_rows, ndmin=2, encoding="latin1", quotechar=quote
+        )
 
 
 def read_point_text(path: str | os.PathLike) -> FilePoints:
@@ -49,23 +59,26 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
     """
     path = Path(path)
     with reading(path, "a text file of points"), open(path, "rb") as file:
-        if file.read(len(BYTE_ORDER_MARK)) != BYTE_ORDER_MARK:
+        if file.read(len(codecs.BOM_UTF8)) != codecs.BOM_UTF8:
             file.seek(0)
         start, first, comment, above, counted = file.tell(), b"", b"", 0, None
         for line in iter(lambda: file.readline(MAX_LINE), b""):
-            first = line.strip()
+            first = line.strip(MARGIN)
             if counted is None and first.isdigit() and _is_wide(file):
                 counted, first, start, above = int(first), b"", file.tell(), above + 1
                 continue
-            if first and not first.startswith((b"#", b"//")):
+            if first.strip() and not first.lstrip().startswith((b"#", b"//")):
                 break
-            comment = first or comment
+            comment = first.strip() or comment
             start, first, above = file.tell(), b"", above + line.endswith(b"\n")
         if not first:
             raise NoRows(f"{path}: expected lines of numbers, found none")
+        first = COMMENT_AFTER.split(first, maxsplit=1)[0]
+        if first == b"0" and not _first_row(file):  # the count of no points
+            raise NoRows(f"{path}: expected lines of numbers, found none")
         delimiter = next((mark for mark in (",", ";") if mark.encode() in first), None)
         fields = _fields(first, delimiter)
-        columns, commented = None, None
+        columns, commented, quote = None, None, '"' if b'"' in first else None
         if all(map(_is_number, fields)):
             commented = _commented_columns(comment, delimiter, len(fields))
         else:
@@ -74,12 +87,12 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
                 delimiter = "\t"
                 fields = _fields(first, delimiter)
             columns = _named_columns(path, fields)
-        table = _plain_table(path, delimiter, columns, len(fields), above)
+        table = _plain_table(path, delimiter, columns, len(fields), above, quote)
         if table is None:
             file.seek(start)
             lines = file if columns is None else _checked(path, file, delimiter, fields, above)
             lines = lines if delimiter is None else (_filled(line, delimiter.encode(), len(fields), columns) for line in lines)
-            table = number_table(lines, delimiter, columns)
+            table = number_table(lines, delimiter, columns, quote=quote)
         if not len(table):
             raise NoRows(f"{path}: expected lines of numbers, found none")
         if counted is not None and counted > len(table):
@@ -119,7 +132,9 @@ def _checked(path: Path, lines: Iterable[bytes], delimiter: str | None, names: l
         yield line
 
 
-def _plain_table(path: Path, delimiter: str | None, columns: Sequence[int] | None, count: int, above: int) -> np.ndarray | None:
+def _plain_table(
+    path: Path, delimiter: str | None, columns: Sequence[int] | None, count: int, above: int, quote: str | None = None
+) -> np.ndarray | None:
     """`number_table` of a file below its first lines, in half the time, or None where rows need a closer look.
 
     numpy reads a file by itself twice as fast as line by line, but then knows comments of one kind alone, and \\r as an end of lines, and
@@ -141,7 +156,9 @@ def _plain_table(path: Path, delimiter: str | None, columns: Sequence[int] | Non
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return np.loadtxt(str(path), np.float64, "#", delimiter, skiprows=above, usecols=columns, ndmin=2, encoding="latin1")
+            return np.loadtxt(
+                str(path), np.float64, "#", delimiter, skiprows=above, usecols=columns, ndmin=2, encoding="latin1", quotechar=quote
+            )
     except ValueError:
         return None
 
@@ -204,6 +221,11 @@ def _named_columns(path: Path, fields: list[str]) -> list[int]:
     names = _plain_names(fields)
     if not {"x", "y"} <= set(names):
         raise InputError(f"{path}: expected numbers, or a first line that names columns x, y (and z), got {' '.join(fields)[:60]!r}")
+    if "z" not in names:
+        if meant := next(filter(UPWARDS.match, names), None):
+            raise InputError(f"{path}: expected a column z, z_m or z [m] beside x and y, in metres, or none like it, got {meant[:60]!r}")
+        if maybe := next(filter(MAYBE_UPWARDS.match, names), None):
+            warnings.warn(f"{path.parent}: points are of the plane, by x and y; call {maybe[:60]!r} z if it is their height", stacklevel=5)
     return _coordinates(names)
 
 

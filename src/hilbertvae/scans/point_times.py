@@ -34,6 +34,13 @@ def beam_times(message, stamp_ns: int, returned: np.ndarray) -> np.ndarray | Non
     return None if values is None or not returned.any() else _offsets(values, returned, stamp_ns)
 
 
+def says_times(message) -> bool:
+    """Whether a message claims to say when its beams were measured, be it nonsense."""
+    if message.__msgtype__ == LASER_SCAN:
+        return message.time_increment != 0 and len(message.ranges) > 1
+    return time_field(message) is not None
+
+
 def time_field(message) -> str | None:
     """The field of a `PointCloud2` that is said to be a time; None of one that has none."""
     return next((field.name for field in message.fields if field.name.lower() in FIELDS), None)
@@ -42,7 +49,8 @@ def time_field(message) -> str | None:
 def _times_of_laser(message) -> np.ndarray | None:
     with np.errstate(over="ignore"):
         seconds = float(message.time_increment) * (len(message.ranges) - 1)
-    if not 0 < seconds <= SWEEP_S[1]:
+    # Below 0 where a message's time is that of the last beam.
+    if len(message.ranges) < 2 or not 0 < abs(seconds) <= SWEEP_S[1]:
         return None
     return np.round(np.linspace(0.0, seconds * 1e9, len(message.ranges))).astype(np.int64)
 

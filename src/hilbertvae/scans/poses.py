@@ -93,7 +93,7 @@ def read_calibration(path: str | os.PathLike) -> np.ndarray | None:
     path = Path(path)
     with reading(path, "a calibration"), open(path, "rb") as file:
         for number, line in enumerate(file, start=1):
-            name, *fields = line.split()[:14] or [b""]
+            name, *fields = line.removeprefix(codecs.BOM_UTF8).split()[:14] or [b""]
             if name != b"Tr:":
                 continue
             try:
