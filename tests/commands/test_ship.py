@@ -187,6 +187,23 @@ def test_simulated_sites_are_made_as_in_the_training(folder, tmp_path, monkeypat
         assert f"2d: its map's weights are learned on toy, {said}" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_simulated_sites_may_be_of_another_variety_than_in_the_training(folder, tmp_path, monkeypatch, room, box, capsys, dimension):
+    told = Settings(dimension=dimension, data=DataSettings(street=StreetSettings(scans=3, variety="everywhere")))
+    sources, made, name = [], tiny_reconstructor(seed=3, dimension=dimension), f"{dimension}d"
+    monkeypatch.setattr(
+        ship, "open_site", lambda reference, resolution_m, source: (sources.append(source), room if dimension == 2 else box)[1]
+    )
+    made.card = CARD | {KEY: learned_as(told)}
+    checkpoint = str(made.save(tmp_path / "model.safetensors"))
+    assert main([name, "--checkpoint", checkpoint, "--calibration-variety", "wide"]) == 0
+    wide = {2: told.source().building, 3: told.source().street}[dimension]
+    assert {2: sources[0].building, 3: sources[0].street}[dimension] == replace(wide, variety="wide")
+    assert main([name, "--checkpoint", name]) == 0 and sources[1] == sources[0]  # as its card says
+    assert main([name, "--checkpoint", checkpoint, "--calibration-variety", "narrow"]) == 2
+    assert "--calibration-variety: " in capsys.readouterr().err
+
+
 def test_what_can_not_be_shipped(folder, tmp_path, capsys):
     assert main(["2d", "--checkpoint", str(tmp_path / "gone.safetensors")]) == 2
     assert "gone.safetensors: no such checkpoint" in capsys.readouterr().err

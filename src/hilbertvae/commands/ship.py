@@ -22,9 +22,12 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
 from hilbertvae.reconstruction.training_card import calibrated_on
 from hilbertvae.reports.card import card_text
+from hilbertvae.scans.file_points import named
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.protocol_settings import GIVEN, check_given
+from hilbertvae.simulate.building_variety import check_variety
 from hilbertvae.site import open_site
+from hilbertvae.training.data_settings import DataSettings
 from hilbertvae.training.learned_as import KEY, learned_as, settings_of
 from hilbertvae.training.site_roles import check_unseen
 
@@ -40,6 +43,7 @@ def ship(
     occupied_weight: float | None = None,
     calibration_seeds: Sequence[int] = (),
     calibration_given: str | None = None,
+    calibration_variety: str | None = None,
 ) -> Path:
     """Pack the network of `checkpoint`, learn its map's weights with it as packed, and write it where `load_mapper(name)` looks.
 
@@ -50,7 +54,8 @@ def ship(
     occupied_weight: what an occupied point counts for in the weights for points, which says where the cuts lie between precision and
     recall; as in those that the checkpoint has, unless given. calibration_seeds: the gap seeds that they are learned with, of several
     sites fewer than of one. calibration_given: what maps are given where they are learned, `scans`, `map` or `fine-map` (`Protocol.given`).
-    Else simulated sites are made, and gaps cut, as in its training, if its card says how, or by default."""
+    calibration_variety: of simulated sites among them. Else these are made, and gaps cut, as in its training, if its card says how, or by
+    default."""
     if occupied_weight is not None:
         check_occupied_weight(occupied_weight, "--occupied-weight")
     if calibration_seeds:
@@ -66,12 +71,14 @@ def ship(
     if interpolated:
         trained = replace(trained, grid=replace(trained.grid, interpolated=interpolated))
     known, how = settings_of(trained.card, trained.dimension), "as in its training" if KEY in trained.card else "by defaults"
-    if calibration_seeds:
-        known = replace(known, calibration_seeds=list(calibration_seeds))
-        trained = replace(trained, card={**trained.card, KEY: learned_as(known)})
+    others: dict = {"calibration_seeds": list(calibration_seeds)} if calibration_seeds else {}
     if calibration_given:
         check_given(calibration_given, "--calibration-given")
-        known = replace(known, calibration_given=calibration_given)
+        others["calibration_given"] = calibration_given
+    if calibration_variety:
+        others["data"] = _of_variety(known.data, trained.dimension, calibration_variety)
+    if others:
+        known = replace(known, **others)
         trained = replace(trained, card={**trained.card, KEY: learned_as(known)})
     with tempfile.TemporaryDirectory() as folder:
         packed = Reconstructor.load(replace(trained, map_weights={}).save(Path(folder) / "packed.safetensors", packed=True))
@@ -83,6 +90,15 @@ def ship(
     packed.map_weights = learn_rank_weights(mapper, sites, **known.calibration() | counted)
     packed.card = {**trained.card, "flips": mapper.flips_, "calibrated_on": references}
     return packed.save(checkpoint_path(name), packed=True)
+
+
+def _of_variety(data: DataSettings, dimension: int, variety: str) -> DataSettings:
+    """`data` with simulated sites of a variety."""
+    if dimension == 2:
+        check_variety(variety, "--calibration-variety")
+        return replace(data, simulated_variety=variety)
+    with named("--calibration-variety"):
+        return replace(data, street=replace(data.street, variety=variety))
 
 
 def write_card(name: str, results: list[Path]) -> Path:
@@ -119,6 +135,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument(
         "--calibration-given", choices=GIVEN, help="what maps are given where those weights are learned, if not as in its training"
     )
+    parser.add_argument("--calibration-variety", help="of simulated sites that they are learned on, if not as in its training")
     parser.add_argument("--results", type=Path, nargs="*", default=[], help="result.json files that scored it, for its card")
     given = vars(parser.parse_args(words))
     results = given.pop("results")
