@@ -10,7 +10,7 @@ SHIPPED = {
     "2d": "buildings: six real ones and simulated ones",
     "3d": "streets and floors: thirteen real streets, simulated streets and simulated floors of buildings",
     "2d-sim": "simulated buildings alone",
-    "3d-sim": "simulated streets alone",
+    "3d-sim": "simulated streets and floors of buildings alone",
     "2d-map": "maps of buildings: of six real ones and of simulated ones",
 }
 """What each was trained on. Those on simulated sites alone are free of the terms of anybody's scans."""
