@@ -54,7 +54,8 @@ def test_what_was_interrupted_is_said(finished, tmp_path, monkeypatch, scored, s
 
 @pytest.mark.parametrize("change", ["", "code", "settings"])
 def test_a_run_that_was_stopped_while_it_scored_has_its_weights(finished, tmp_path, monkeypatch, change):
-    settings = replace(finished[0], output=str(tmp_path / "interrupted"))
+    kept = str(tmp_path / "kept") if change == "settings" else None  # else another training in its folder is refused
+    settings = replace(finished[0], output=str(tmp_path / "interrupted"), trained=kept)
     of_map, learned = "hilbertvae.training.hilbert_map_callback.", []
     monkeypatch.setattr("signal.signal", lambda *arguments: None)  # Lightning switches Ctrl-C off for the rest of the process
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
@@ -67,7 +68,7 @@ def test_a_run_that_was_stopped_while_it_scored_has_its_weights(finished, tmp_pa
     if change == "code":
         monkeypatch.setattr("hilbertvae.training.kept_weights.CODE", "mended since")
     if change == "settings":
-        settings = replace(settings, flips=1, trained=str(tmp_path / "kept"))
+        settings = replace(settings, flips=1)
     path = train(settings)
     assert len(learned) == bool(change)
     if not change:
