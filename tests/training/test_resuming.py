@@ -52,10 +52,9 @@ def test_what_was_interrupted_is_said(finished, tmp_path, monkeypatch, scored, s
         train(replace(finished[0], output=str(tmp_path / "interrupted")))
 
 
-@pytest.mark.parametrize("change", ["", "code", "settings"])
+@pytest.mark.parametrize("change", ["", "code"])
 def test_a_run_that_was_stopped_while_it_scored_has_its_weights(finished, tmp_path, monkeypatch, change):
-    kept = str(tmp_path / "kept") if change == "settings" else None  # else another training in its folder is refused
-    settings = replace(finished[0], output=str(tmp_path / "interrupted"), trained=kept)
+    settings = replace(finished[0], output=str(tmp_path / "interrupted"))
     of_map, learned = "hilbertvae.training.hilbert_map_callback.", []
     monkeypatch.setattr("signal.signal", lambda *arguments: None)  # Lightning switches Ctrl-C off for the rest of the process
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
@@ -67,8 +66,6 @@ def test_a_run_that_was_stopped_while_it_scored_has_its_weights(finished, tmp_pa
     monkeypatch.setattr(of_map + "score", lambda settings, mappers, reconstructor, write: scored.append(reconstructor))
     if change == "code":
         monkeypatch.setattr("hilbertvae.training.kept_weights.CODE", "mended since")
-    if change == "settings":
-        settings = replace(settings, flips=1)
     path = train(settings)
     assert len(learned) == bool(change)
     if not change:
