@@ -63,7 +63,7 @@ def test_a_wide_map_has_the_ground_of_its_parts(monkeypatch):
     assert isinstance(whole, Ground)
     far = np.array([5 * BLOCK_M + 3, -70 * BLOCK_M, 40.0])
     wide = find_wide_ground(np.concatenate([returns, road(rng, np.zeros(2)) + far]))
-    assert len(wide.key) == len(wide.parts) == 4 + 1
+    assert len(wide.key) == len(wide.parts) == 4 * 4 + 1
     np.testing.assert_allclose(wide.height_above(returns), whole.height_above(returns), atol=0.1)
     asked = np.array([[5.0, 5.0, 155 * 0.03 + 1.0], far + np.array([5.0, 5.0, 1.0])])
     np.testing.assert_allclose(wide.height_above(asked), 1.0, atol=0.2)

@@ -9,6 +9,7 @@ from scipy.ndimage import distance_transform_edt, grey_opening, median_filter, u
 from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError, check_points
+from hilbertvae.voxel_blocks import SIDE, by_block
 
 TILE_M = 0.5
 LOWEST_SHARE = 0.1
@@ -18,7 +19,7 @@ WIDEST_OBJECT_M = 4.0
 ABOVE_GROUND_M = 0.4
 """From this height on a point is above ground (METHOD 7)."""
 MOST_TILES = 2**26
-BLOCK_M, MARGIN_M = 256.0, 16.0
+BLOCK_M, MARGIN_M = SIDE[2] * TILE_M, 16.0
 """Of wide maps the ground is found a block at a time, with what lies around it: nothing farther off has a say in it."""
 WIDE_TILES = 2**20
 """So many tiles, half a kilometre in square, are no wide map yet."""
@@ -68,7 +69,7 @@ def find_ground(returns: np.ndarray) -> Ground:
 
 @dataclass(frozen=True)
 class BlockGround:
-    """key: (B, 2) whole numbers, the blocks of `BLOCK_M` that have a ground; parts: theirs."""
+    """key: (B, 2) whole numbers, the blocks of `by_block` that have a ground; parts: theirs."""
 
     key: np.ndarray
     parts: list[Ground]
@@ -90,13 +91,10 @@ def find_wide_ground(returns: np.ndarray) -> Ground | BlockGround:
         wide = np.prod(np.ptp(returns[:, :2], axis=0) / TILE_M + 1) > WIDE_TILES
     if not wide:
         return find_ground(returns)
-    order = np.lexsort(np.floor(returns[:, :2] / BLOCK_M).T)
-    key, start, count = np.unique(np.floor(returns[order, :2] / BLOCK_M), axis=0, return_index=True, return_counts=True)
-    rows = {tuple(of): order[first : first + many] for of, first, many in zip(key, start, count, strict=True)}
-    parts = []
-    for of in key:
-        around = [rows[near] for x in (-1, 0, 1) for y in (-1, 0, 1) if (near := (of[0] + x, of[1] + y)) in rows]
-        near = returns[np.concatenate(around)]
-        low, high = of * BLOCK_M - MARGIN_M, (of + 1) * BLOCK_M + MARGIN_M
-        parts.append(find_ground(near[((near[:, :2] >= low) & (near[:, :2] < high)).all(axis=1)]))
-    return BlockGround(key, parts)
+    rows, parts = dict(by_block(np.floor(returns[:, :2] / TILE_M).astype(np.int64))), []
+    for x, y in rows:
+        beside = [(x + dx, y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
+        near = returns[np.concatenate([rows[key] for key in beside if key in rows])]
+        from_middle = near[:, :2] - (np.array([x, y]) + 0.5) * BLOCK_M
+        parts.append(find_ground(near[(np.abs(from_middle) <= BLOCK_M / 2 + MARGIN_M).all(axis=1)]))
+    return BlockGround(np.array(list(rows)), parts)

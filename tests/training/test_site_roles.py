@@ -34,8 +34,8 @@ def test_what_is_learned_from_is_given_once(key):
         check_roles(sites["train"], "csail", [], sites["calibrate"])
 
 
-def test_a_test_site_is_given_once(tmp_path):
-    with pytest.raises(InputError, match="^data.test: expected each site once, got simulated:8, simulated:08$"):
+def test_a_test_site_is_given_once():
+    with pytest.raises(InputError, match="^data.test: expected each site once, .* got simulated:8, simulated:08$"):
         check_roles([], "csail", ["simulated:8", "intel", "simulated:08"])
 
 

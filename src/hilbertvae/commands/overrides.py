@@ -31,7 +31,7 @@ OF_ANOTHER_SPACE = {
 def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
     """An `InputError` for a setting that nothing would come of: of simulated sites as they are in the other dimension, or, typed beside a
     `checkpoint`, of what that network brings with it. So it is where mappers name the networks, and none is trained."""
-    theirs, why = OF_ANOTHER_SPACE.get(settings.dimension, ((), ""))
+    theirs, why = OF_ANOTHER_SPACE[settings.dimension]
     for key in _typed_keys(overrides):
         if key.startswith(theirs):
             raise InputError(f"{key}: expected none with dimension={settings.dimension}, where {why}")

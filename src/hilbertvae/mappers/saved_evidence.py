@@ -39,14 +39,9 @@ def evidence_of(arrays: dict[str, np.ndarray], dimension: int, resolution_m: flo
         raise InputError("seen: expected bytes with at least one voxel per brick")
     if len(corner) and not (np.abs(corner.astype(float)) < FARTHEST).all():
         raise InputError("corner: expected bricks nearer to the origin")
-    voxels = int(np.bitwise_count(seen).sum())
-    for name in ("hits", "frees"):  # before memory is taken for the places of as many
-        _array(arrays, name, "uf", (voxels,))
-    brick, cell = np.nonzero(np.unpackbits(seen, axis=1))
-    index = corner.astype(np.int64)[brick] * side + np.stack(np.unravel_index(cell, (side,) * dimension), axis=1)
     votes, means = [], []
     for name in ("hit", "free"):
-        found = _array(arrays, f"{name}s", "uf", (len(index),)).astype(float)
+        found = _array(arrays, f"{name}s", "uf", (int(np.bitwise_count(seen).sum()),)).astype(float)
         if not (np.isfinite(found) & (found >= 0)).all():
             raise InputError(f"{name}s: expected counts, got some that are negative, NaN or inf")
         mean = _array(arrays, f"{name}_mean", "f", (np.count_nonzero(found), dimension))
@@ -56,6 +51,9 @@ def evidence_of(arrays: dict[str, np.ndarray], dimension: int, resolution_m: flo
         means.append(mean.astype(np.float32))
     if not (votes[0] + votes[1] > 0).all():
         raise InputError("hits, frees: expected votes of every voxel seen")
+    # Last of all: the places take a hundred times as much memory as the bits that say them.
+    brick, cell = np.nonzero(np.unpackbits(seen, axis=1))
+    index = corner.astype(np.int64)[brick] * side + np.stack(np.unravel_index(cell, (side,) * dimension), axis=1)
     try:
         return Evidence.of_voxels(index, *votes, *means, resolution_m)
     except InputError as error:

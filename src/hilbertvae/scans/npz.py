@@ -25,9 +25,9 @@ def read_npz(path: str | os.PathLike) -> FilePoints:
     path = Path(path)
     with reading(path, "a .npz file"), zipfile.ZipFile(path) as archive:
         headers = {name: array_header(path, archive, name) for name in ("points", "origins", "scan") if f"{name}.npy" in archive.namelist()}
-        _check(path, archive, headers)
-        if _is_empty(headers):
+        if "points" in headers and headers["points"][0][:1] == (0,):  # numpy makes (0,) of an empty list, and nothing has to go together
             return FilePoints(np.empty((0, 2)))
+        _check(path, archive, headers)
         arrays = {name: read_array(archive, name) for name in headers}
         scan, origins = arrays.get("scan"), arrays.get("origins")
         points = np.asarray(arrays["points"], dtype=np.float64)
@@ -40,11 +40,6 @@ def read_npz(path: str | os.PathLike) -> FilePoints:
         return FilePoints(points, np.asarray(origins, dtype=np.float64), scan, origin_type=origins.dtype)
 
 
-def _is_empty(headers: dict) -> bool:
-    """Whether there is no point, whatever the shape, which numpy makes (0,) of an empty list: then nothing has to go together."""
-    return headers["points"][0][:1] == (0,)
-
-
 def _check(path: Path, archive: zipfile.ZipFile, headers: dict) -> None:
     """Shapes and types that go together, and sizes that the file can hold, before any array is read."""
     names = [name.removesuffix(".npy") for name in archive.namelist()]
@@ -54,8 +49,6 @@ def _check(path: Path, archive: zipfile.ZipFile, headers: dict) -> None:
         if wanted not in headers and mistaken in names:
             raise InputError(f"{path}: expected an array {wanted}, found {mistaken}, which would be passed over; rename it")
     shape, dtype = headers["points"]
-    if _is_empty(headers):
-        return
     if len(shape) != 2 or shape[1] not in (2, 3):
         raise InputError(f"{path}: expected points of shape (N, 2) or (N, 3), got {shape}")
     check_expansion(path, "points", shape[0] * shape[1] * dtype.itemsize, archive.getinfo("points.npy").compress_size)

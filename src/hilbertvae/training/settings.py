@@ -135,7 +135,9 @@ class Settings:
                 raise InputError(f"mapper.{name}: expected a name that begins with cvae-, by which tables know that it has a network")
         if not self.checkpoint and self.grid.frame.scale == "fixed" and self.grid.cell_m < COARSE * self.resolution_m:
             cells = f"cells of {self.grid.cell_m:g} m in voxels of {self.resolution_m:g} m, of which most stay unknown"
-            warnings.warn(f"grid.cells: {cells}; `grid.cluster_diameter_m` / `grid.cells` is a cell's side", stacklevel=2)
+            warnings.warn(
+                f"grid.cells: {cells}; `grid.cluster_diameter_m` / `grid.cells` is a cell's side", stacklevel=1
+            )  # told once, whoever checks
         check_seeds(self.calibration_seeds, "calibration_seeds")
         check_positive(self.scoring_processes, "scoring_processes")
         check_positive(self.validation_gap_m, "validation_gap_m")

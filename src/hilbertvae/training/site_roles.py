@@ -24,7 +24,7 @@ LARGEST_BYTES = 500_000_000
 def check_roles(train: list[str], validate: str, test: list[str], calibrate: Sequence[str] = ()) -> None:
     """An `InputError` that names the key if a site plays two parts, if one of the catalogue's test sites is learned from in any way, or if
     results of two would lie in one folder. The site of `validate` may be among those of `calibrate`: neither is trained on."""
-    places = {site: place(site) for site in (*train, *calibrate)}
+    places = {site: place(site) for site in (*train, *calibrate, *test)}
     trained = {places[site] for site in train}
     for key, sites in (("data.train", train), ("data.validate", [validate]), ("data.calibrate", calibrate)):
         scored = [site for site in sites if (entry := CATALOGUE.get(place(site))) and entry.role == "test"]
@@ -35,16 +35,13 @@ def check_roles(train: list[str], validate: str, test: list[str], calibrate: Seq
             if place(site) in trained:
                 raise InputError(f"{key}: {site!r} is also trained on")
     known = {*trained, *map(place, [validate, *calibrate])}
-    both = [site for site in test if place(site) in known]
+    both = [site for site in test if places[site] in known]
     if both:
         raise InputError(f"data.test: {', '.join(both)} is also trained or validated on")
-    for key, sites in (("data.train", train), ("data.calibrate", calibrate)):
+    for key, sites in (("data.train", train), ("data.calibrate", calibrate), ("data.test", test)):
         several = Counter(places[site] for site in sites)
         if twice := [site for site in sites if several[places[site]] > 1]:
             raise InputError(f"{key}: expected each site once, since one given twice would count double, got {', '.join(twice)}")
-    several = Counter(tested := list(map(place, test)))
-    if twice := [site for site, at in zip(test, tested, strict=True) if several[at] > 1]:
-        raise InputError(f"data.test: expected each site once, got {', '.join(twice)}")
     names = [site_name(site) for site in test]
     if len(set(names)) < len(names):
         raise InputError(f"data.test: expected sites of different names, since results are kept under them, got {', '.join(names)}")
