@@ -34,6 +34,7 @@ from hilbertvae.reports.cluster_pictures import (
     reconstruction_rows,
 )
 from hilbertvae.reports.comparison import COMPARED, error_table, occlusion_table, pairwise_table
+from hilbertvae.reports.further_scores import further_scores
 from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.mapper_names import for_points
 from hilbertvae.reports.paper_table import paper_table
@@ -61,10 +62,11 @@ UNSURE_GAPS = 4
 
 
 def scores_text(result: Result) -> str:
-    """`scores.md`: all scores, methods compared pairwise, what is occluded, how well errors are known, and the paper's numbers beside
-    ours."""
+    """`scores.md`: the headline scores, methods compared pairwise, what is occluded, how well errors are known, the paper's numbers beside
+    ours, and further scores."""
     pairwise = [pairwise_table(result, region) for region in COMPARED]
-    parts = [markdown_scores(result), *pairwise, occlusion_table(result), error_table(result), paper_table(result)]
+    compared = [*pairwise, occlusion_table(result), error_table(result), paper_table(result)]
+    parts = [markdown_scores(result), *compared, further_scores(result)]
     return "\n\n".join(filter(None, parts)) + "\n"
 
 
