@@ -10,9 +10,10 @@ from growing_toys import add, answers, clouds, network, queries_of, streamed
 from sklearn.base import clone
 
 from hilbertvae.checks import InputError
+from hilbertvae.cloud import fit_cloud
 from hilbertvae.mappers.growing_clusters import GrowingClusters
 from hilbertvae.mappers.hilbert_map import HilbertMap
-from hilbertvae.mappers.saved_map import save_map
+from hilbertvae.mappers.saved_map import load_map, save_map
 from toy_rooms import tiny_grid, tiny_reconstructor
 
 
@@ -37,6 +38,28 @@ def test_classes_are_taken_as_scikit_learn_has_them():
         mapper.partial_fit(wall, np.full(60, 1), classes=[0, 1])
     with pytest.raises(InputError, match=r"y: expected labels \[0, 1\], as before, got \[2\]"):
         HilbertMap().partial_fit(wall, np.full(60, 2), classes=[0, 1])
+
+
+@pytest.mark.parametrize(("classes", "label"), [([1, 0], 1), (["void", "obstacle"], "void")])
+def test_a_free_label_that_is_the_greater_is_refused(classes, label):
+    """What is called free would be walls."""
+    wall = np.column_stack([np.linspace(0, 2, 60), np.zeros(60)])
+    mapper = HilbertMap(weights="unit", grid=tiny_grid())
+    with pytest.raises(InputError, match="classes: expected the lesser label first, which is free; the greater means occupied; got"):
+        mapper.partial_fit(wall, np.full(60, label), classes=classes)
+    assert not hasattr(mapper, "grids_")
+
+
+def test_whether_a_map_grows_is_decided_by_the_weights_that_it_was_fitted_with(room, tmp_path):
+    cloud, part = fit_cloud(room.scans, 0.1), clouds(room)[0]
+    fitted = HilbertMap(weights="cluster", grid=tiny_grid()).fit(cloud.points, cloud.occupied, cloud.weight).set_params(weights="rank")
+    answers = fitted.predict_proba(cloud.points)
+    for mapper in (fitted, load_map(save_map(fitted, tmp_path / "site.map")).set_params(weights="rank")):
+        with pytest.raises(InputError, match="weights: expected unit or rank for partial_fit, got 'cluster', .*; fit the map anew"):
+            add(mapper, part)
+        np.testing.assert_array_equal(mapper.predict_proba(cloud.points), answers)
+    growing = HilbertMap(grid=tiny_grid()).fit(cloud.points, cloud.occupied, cloud.weight).set_params(weights="cluster")
+    add(growing, part)
 
 
 def test_labels_of_any_kind_stay_what_they_are(room):

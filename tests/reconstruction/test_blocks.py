@@ -1,9 +1,13 @@
 import itertools
 
+import numpy as np
 import pytest
 import torch
 from torch import nn
 
+from hilbertvae.cloud import Cloud
+from hilbertvae.grids.cluster_grids import GridSettings, bin_detailed
+from hilbertvae.grids.frame import Frames
 from hilbertvae.reconstruction.blocks import (
     CHANNELS_LAST,
     ENCODINGS,
@@ -91,3 +95,25 @@ def test_what_is_encoded_is_made_in_the_numbers_that_layers_take(dimension, name
         found = encode(grids)
     assert found.dtype == torch.bfloat16
     assert torch.equal(found, encode(grids).bfloat16())  # rounded once
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_shares_are_those_of_each_cell_s_votes(dimension):
+    """The paper's footnote 1, of a box of two cells a side with votes in three of them."""
+    hits, frees = np.zeros((2,) * dimension), np.zeros((2,) * dimension)
+    cells = [(0,) * dimension, (1,) * dimension, (0,) * (dimension - 1) + (1,)]
+    for cell, (hit, free) in zip(cells, [(3, 17), (5, 0), (0, 8)], strict=True):
+        hits[cell], frees[cell] = hit, free
+    middles = np.array(cells) - 0.5
+    points, weight = np.concatenate([middles, middles]), np.array([3, 5, 0, 17, 0, 8.0])
+    asked = weight > 0
+    cloud = Cloud(points[asked], np.arange(6)[asked] < 3, weight[asked])
+    frames = Frames(np.zeros((1, dimension)), np.eye(dimension)[None], np.array([2.0]))
+    grids = torch.from_numpy(bin_detailed(cloud, frames, GridSettings(cells=2, cluster_diameter_m=2.0, inner_radius_m=1.0)))
+    encode, channels = find_encoding("shares", dimension)
+    found = encode(grids)
+    assert found.shape == (1, 1, *(2,) * dimension) and channels == 1
+    total = hits + frees
+    expected = np.divide(hits - frees, total, out=np.zeros_like(total), where=total > 0)
+    np.testing.assert_allclose(found[0, 0], expected, atol=0.05)  # counts are kept to a twelfth of a power of e
+    assert found[(0, 0, *cells[1])] == 1 and found[(0, 0, *cells[2])] == -1

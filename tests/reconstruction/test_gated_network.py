@@ -168,7 +168,7 @@ def test_every_weight_is_trained():
         ({"blocks": [1, -1, 1]}, 16, r"network.blocks\[1\]: expected a whole number of at least 0, got -1"),
         ({"blocks": [], "channels": []}, 16, "network.channels: expected at least one level"),
         ({"stem": 0}, 16, "network.stem: expected a whole number of at least 1"),
-        ({"encoding": "colour"}, 16, "network.encoding: expected one of signed, hit_free, detailed, got 'colour'"),
+        ({"encoding": "colour"}, 16, "network.encoding: expected one of signed, shares, hit_free, detailed, got 'colour'"),
         ({}, 12, r"grid.cells: expected a multiple of 8 \(stem and 3 levels\), got 12"),
     ],
 )

@@ -141,7 +141,7 @@ def test_dropout_only_in_training():
         ({"kernels": [5, 4]}, 8, "network.kernels: expected odd"),
         ({"kernels": [0, 3]}, 8, "network.kernels: expected odd"),
         ({"kernels": [], "channels": []}, 8, "network.kernels: expected odd numbers of cells, at least one"),
-        ({"encoding": "colour"}, 8, "network.encoding: expected one of signed, hit_free, detailed, got 'colour'"),
+        ({"encoding": "colour"}, 8, "network.encoding: expected one of signed, shares, hit_free, detailed, got 'colour'"),
         ({}, 10, "grid.cells: expected a multiple of 4"),
         ({"tied": True, "encoding": "hit_free"}, 8, "network.tied: .*encoding: signed"),
     ],

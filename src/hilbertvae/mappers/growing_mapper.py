@@ -22,7 +22,7 @@ class GrowingMapper(CompletingMapper):
 
     _growing: GrowingClusters | None = None
 
-    def partial_fit(self, points, occupied, sample_weight=None, reconstruct=True, classes=None):
+    def partial_fit(self, points, y, sample_weight=None, reconstruct=True, classes=None):
         """Add a scan to the map, or begin one, and reconstruct the clusters that it touches. Arguments as of `fit`; one class is enough.
 
         Give each scan as `cloud_from_scans` makes it: a voxel's points count as one at their mean, so that scans add up to the `fit` cloud
@@ -30,38 +30,39 @@ class GrowingMapper(CompletingMapper):
         seed becomes a seed, whatever `grid.start` says.
 
         With `reconstruct=False` queries reconstruct what they need of it: the boxes that answer them, for all scans since. No other thread
-        may ask meanwhile, here or there. `classes`, the two labels that there are, free first, as scikit-learn has it, are for a first scan
-        with one label alone; False and True need none. Raises `InputError` as `fit` does, for labels that the map does not know, and with
-        `weights="cluster"`, which are fitted on a whole site.
+        may ask meanwhile, here or there. `classes`, the two labels that there are, the lesser, which is free, first, as scikit-learn has it,
+        are for a first scan with one label alone; False and True need none. Raises `InputError` as `fit` does, for labels that the map does
+        not know, and for a map with `weights="cluster"`, which are fitted on a whole site.
 
         Stopped while it reconstructs (Ctrl-C), a first scan is taken back, but a later one stays in the map: don't give it again; what is
         left of its clusters is reconstructed by the next query, or by `settle`.
         """
-        if self.weights == "cluster":
-            raise InputError("weights: expected unit or rank for partial_fit, got 'cluster', which are fitted on a whole site")
+        first = not hasattr(self, "grids_")
+        if self.weights == "cluster" if first else self.factors_ is not None:
+            wanted = "expected unit or rank for partial_fit, got 'cluster', which are fitted on a whole site"
+            raise InputError(f"weights: {wanted}" + ("" if first else "; fit the map anew with others"))
         if not getattr(self, "fills_", self.fill):  # a setting changed since takes effect with the next fit
             raise InputError("fill: expected a map that fills gaps for partial_fit; fit one without grids on all scans")
-        first = not hasattr(self, "grids_")
         if not first and self.reconstructor is not self.completes_:
             raise InputError("reconstructor: expected the one that the map's grids are of for partial_fit; fit the map anew with another")
         if first and self.adapt_steps:
             raise InputError("adapt_steps: expected 0 to begin a map with partial_fit; only fit has a site to learn from")
         with self._restored_on_failure() if first else nullcontext():  # later scans are refused before anything is altered
-            self._add(points, occupied, sample_weight, classes, first)
+            self._add(points, y, sample_weight, classes, first)
             return self.settle() if reconstruct else self
 
-    def _add(self, points, occupied, sample_weight, classes, first) -> None:
-        points, occupied, weight = self._checked_cloud(points, occupied, sample_weight, first)
+    def _add(self, points, y, sample_weight, classes, first) -> None:
+        points, y, weight = self._checked_cloud(points, y, sample_weight, first)
         self._check_whole()
         self._check_network(points.shape[1])  # a loaded map's is looked for now, before anything is altered
         if first:
-            occupied = self._learn_labels(occupied, both=False) if classes is None else self._named_labels(occupied, classes)
+            occupied = self._learn_labels(y, both=False) if classes is None else self._named_labels(y, classes)
             cloud = Cloud(points, occupied, weight)
             self._start_without_clusters(cloud.select(slice(0)))
         else:
             if classes is not None and not np.array_equal(np.unique(classes), self.classes_):
                 raise InputError(f"classes: expected {self.classes_.tolist()}, as before, got {np.unique(classes).tolist()}")
-            cloud = Cloud(points, self._known_labels(occupied), weight)
+            cloud = Cloud(points, self._known_labels(y), weight)
         if self._growing is None:
             completed = Completion(self.grids_, self.known_)
             settings = self.grid_, self.detailed_, self.seed

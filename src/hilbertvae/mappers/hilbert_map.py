@@ -54,7 +54,7 @@ class HilbertMap(GrowingMapper):
     adapt_steps: for how many steps the network goes on learning from the site itself in `fit`, from gaps cut for that (`adaptation.py`).
         50 bring most of what there is to gain, in seconds to half a minute in 2D, by processor; 0, the default, leaves it as it is.
     seed: of where clusters are. device: where the network computes, `cpu` or `cuda`.
-    All take effect with the next `fit`.
+    All take effect with the next `fit`; `seed` and `device` also where a map grows.
     """
 
     _index = None

@@ -148,8 +148,11 @@ class Mapper(ClassifierMixin, BaseEstimator):
         return y == self.classes_[1]
 
     def _named_labels(self, y: np.ndarray, classes) -> np.ndarray:
-        """`_learn_labels` of `y (N,)` where the two labels that there are, `classes`, are given; an `InputError` for others."""
+        """`_learn_labels` of `y (N,)` where the two labels that there are, `classes`, are given; an `InputError` for others, and for the
+        greater one first, which whoever says so takes for the free one."""
         self._learn_labels(np.asarray(classes), both=True)
+        if list(classes)[0] != self.classes_[0]:
+            raise InputError(f"classes: expected the lesser label first, which is free; the greater means occupied; got {list(classes)}")
         return self._known_labels(y)
 
     def predict_proba(self, queries) -> np.ndarray:

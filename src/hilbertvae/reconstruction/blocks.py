@@ -11,6 +11,7 @@ from torch.nn import functional as F
 
 from hilbertvae.checks import InputError, check_count
 from hilbertvae.grids.aligned_grid import COUNT_STEPS, PLACE_STEPS
+from hilbertvae.grids.cluster_grids import COUNTS
 from hilbertvae.reconstruction.precision import layer_type
 from hilbertvae.reconstruction.settings import KERNEL
 
@@ -67,7 +68,19 @@ def detailed(grids: Tensor) -> Tensor:
     return torch.cat([label > 0, label < 0, details], dim=1) / scale
 
 
-ENCODINGS = {"signed": (signed, (1, 1)), "hit_free": (hit_free, (HIT_FREE_CHANNELS,) * 2), "detailed": (detailed, (6, 7))}
+def shares(grids: Tensor) -> Tensor:
+    """Occupancy probabilities instead of labels (the paper's footnote 1), as its other input is: one channel, from -1 where no vote of a
+    cell of (B, 3 + D, n, ..., n) int8 grids, as `bin_detailed` makes them, is a hit to 1 where all are; 0 where there are none."""
+    hits, frees = (torch.expm1(code.float() / COUNT_STEPS) for code in grids[:, COUNTS].split(1, dim=1))
+    return torch.where(grids[:, :1] != 0, (hits - frees) / (hits + frees).clamp_min(1e-6), 0.0)
+
+
+ENCODINGS = {
+    "signed": (signed, (1, 1)),
+    "shares": (shares, (1, 1)),
+    "hit_free": (hit_free, (HIT_FREE_CHANNELS,) * 2),
+    "detailed": (detailed, (6, 7)),
+}
 """What makes the input, and how many channels that has in 2 and in 3 dimensions."""
 
 
@@ -86,7 +99,7 @@ def shows_no_less(encoding: str, before: str) -> bool:
 
 def is_detailed(network: object) -> bool:
     """Whether a network of these settings takes grids as `bin_detailed` makes them; one that has no encodings takes labels alone."""
-    return getattr(network, "encoding", None) == "detailed"
+    return getattr(network, "encoding", None) in ("detailed", "shares")
 
 
 def convolutions(network: object, cells: int) -> list[tuple[int, int]]:

@@ -36,7 +36,7 @@ class PaperNetwork(nn.Module):
         self.settings, self.dimension = settings, dimension
         self.encode_input, inputs = find_encoding(settings.encoding, dimension)
         if settings.tied and inputs != 1:
-            raise InputError("network.tied: tied weights need encoding: signed, so that input and output have one channel each")
+            raise InputError("network.tied: tied weights need encoding: signed or shares, so that input and output have one channel each")
         convolution = CONVOLUTION[dimension]
         wide = [inputs, *settings.channels]
         self.encoder = nn.ModuleList(
@@ -57,7 +57,7 @@ class PaperNetwork(nn.Module):
             )
 
     def forward(self, grids: Tensor) -> Reconstruction:
-        """`grids (B, n, ..., n)` int8 codes."""
+        """`grids (B, n, ..., n)` int8 codes; with encodings that show counts (B, 3 + D, n, ..., n)."""
         x = self.encode_input(grids)
         for convolve in self.encoder:
             x = MAX_POOL[self.dimension](F.relu(convolve(x)), 2)

@@ -33,7 +33,7 @@ class GatedNetworkSettings:
     dropout: float = 0.0
     encoding: str = "hit_free"
     """What the network is shown: `hit_free`, the labels of cells; `detailed`, also how many returns and free samples each cell has, and
-    where in it its returns lie; `signed`, the paper's."""
+    where in it its returns lie; `signed`, the paper's labels; `shares`, the share of each cell's votes that are hits."""
 
     def convolutions(self, cells: int) -> list[tuple[int, int]]:
         """Kernel and cells, along an axis, of what is convolved on each level, for grids of `cells`."""
@@ -64,8 +64,9 @@ class PaperNetworkSettings:
     """Drop rate after the last encoder convolution; the paper says 0.7 and 0.8 (METHOD 4)."""
     variational: bool = True
     tied: bool = False
-    """Decoder convolutions are the encoder's, transposed (`W~ = W^T`, Eq. 2); needs `encoding: signed`."""
+    """Decoder convolutions are the encoder's, transposed (`W~ = W^T`, Eq. 2); needs an encoding of one channel."""
     encoding: str = "signed"
+    """Labels; `shares`: occupancy probabilities, as the paper's footnote 1 has it."""
 
     def convolutions(self, cells: int) -> list[tuple[int, int]]:
         """Kernel and cells, along an axis, of what is convolved on each level, for grids of `cells`."""

@@ -161,7 +161,10 @@ def _terms(card: dict) -> str:
     )
     real = [site for site in sites if not site.startswith("simulated")]
     if not real:
-        return "Trained and chosen on simulated sites alone: nobody's scans are in it. MIT, as the package."
+        return (
+            "Trained on simulated sites alone, which its map's weights are of, too: nobody's scans are in it. Real sites had a say in some "
+            "choices (docs/decisions.md). MIT, as the package."
+        )
     known = [TERMS["ple"]] if find_site(real[0]).dimension == 2 else [text for word, text in TERMS.items() if any(word in s for s in real)]
     return (
         "Learned from real scans, whose owners' terms may reach to what is learned from them. If that matters to you, take the one that "

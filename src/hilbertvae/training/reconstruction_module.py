@@ -12,7 +12,7 @@ from torch import Tensor
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.augmentation import augment
-from hilbertvae.reconstruction.blocks import HIT_FREE_CHANNELS, Reconstruction, is_detailed
+from hilbertvae.reconstruction.blocks import HIT_FREE_CHANNELS, Reconstruction
 from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
 from hilbertvae.reconstruction.finer_stem import finer_weights, is_finer
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, active_dimensions, free_bits, kl_divergence, kl_weight, known_nll
@@ -51,7 +51,7 @@ class ReconstructionModule(L.LightningModule):
             found = wider_weights(found, self.network)
         own = self.network.state_dict()
         stem, wanted = found.get("stem.weight"), own.get("stem.weight")
-        if stem is not None and wanted is not None and is_detailed(self.settings.network) and stem.shape[1] == HIT_FREE_CHANNELS:
+        if stem is not None and wanted is not None and stem.shape[1] == HIT_FREE_CHANNELS < wanted.shape[1]:
             further = stem.new_zeros(len(stem), wanted.shape[1] - HIT_FREE_CHANNELS, *stem.shape[2:])
             found = {**found, "stem.weight": torch.cat([stem, further], dim=1)}
         # What says whether a cell would be known came later than the rest, and older networks don't have it.
