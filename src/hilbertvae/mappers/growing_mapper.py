@@ -30,9 +30,9 @@ class GrowingMapper(CompletingMapper):
         seed becomes a seed, whatever `grid.start` says.
 
         With `reconstruct=False` queries reconstruct what they need of it: the boxes that answer them, for all scans since. No other thread
-        may ask meanwhile, here or there. `classes`, the two labels that there are, the lesser, which is free, first, as scikit-learn has it,
-        are for a first scan with one label alone; False and True need none. Raises `InputError` as `fit` does, for labels that the map does
-        not know, and for a map with `weights="cluster"`, which are fitted on a whole site.
+        may ask meanwhile, here or there. `classes`, the two labels that there are, the lesser, which is free, first (scikit-learn has them
+        so), are for a first scan with one label alone; False and True need none. Raises `InputError` as `fit` does, for labels that the map
+        does not know, and for a map with `weights="cluster"`, which are fitted on a whole site.
 
         Stopped while it reconstructs (Ctrl-C), a first scan is taken back, but a later one stays in the map: don't give it again; what is
         left of its clusters is reconstructed by the next query, or by `settle`.
