@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -15,14 +13,14 @@ import numpy as np
 from hilbertvae.checks import InputError, extra_module
 from hilbertvae.progress import track
 from hilbertvae.scans.bag_chunks import bounded_unpacking
-from hilbertvae.scans.bag_files import check_databases
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
-from hilbertvae.scans.bag_poses import FIXED_FRAMES, ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
+from hilbertvae.scans.bag_poses import FIXED_FRAMES, BagPoses
 from hilbertvae.scans.beam_lengths import ClippedCheck, beam_lengths, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.deskewing import deskewed_along
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, named, reading
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
+from hilbertvae.scans.opened_bag import OpenedBag, opened_bag
 from hilbertvae.scans.point_times import SWEEP_S, beam_times, says_times
 from hilbertvae.scans.poses import MOST_TILT_DEG, leans
 from hilbertvae.scans.scan import Scans
@@ -64,7 +62,7 @@ def read_bag(
     if poses is not None and odometry is not None:
         raise InputError(f"reading.odometry: with reading.poses={poses} none is read; leave one of them unset")
     extra_module("bags", "rosbags")
-    with reading(path, "a ROS bag"), bounded_unpacking(path), _opened(path) as bag:
+    with reading(path, "a ROS bag"), bounded_unpacking(path), opened_bag(path) as bag:
         chosen = bag.scan_topic(topic)
         is_flat = bag.types[chosen] == LASER_SCAN
         for name, setting, neutral in (("poses", poses, None), ("beam_origin", beam_origin, "centre")):
@@ -116,7 +114,7 @@ def read_bag(
     return found.whole(path, seen, f" on {chosen}")
 
 
-def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, found: int, bag: _Bag) -> None:
+def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, found: int, bag: OpenedBag) -> None:
     """Clouds that a SLAM has put in its own fixed frame carry no place of the sensor: all of their beams would start at one."""
     stands = sorted(frames & FIXED)
     if stands or (poses == 1 and found >= 5):
@@ -152,91 +150,3 @@ def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int
         doubts.append(f"poses are those of {used}, which has most messages. Set reading.odometry for another: {', '.join(others)}")
     if doubts:
         warnings.warn(f"{path}: {'; '.join(doubts)}", stacklevel=3)
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[_Bag]:
-    check_databases(path)
-    is_ros1 = path.suffix.lower() == ".bag" and not path.is_dir()
-    module = extra_module("bags", "rosbags.rosbag1" if is_ros1 else "rosbags.rosbag2")
-    with module.Reader(path) as reader:
-        yield _Bag(path, reader, is_ros1)
-
-
-@dataclass
-class _Bag:
-    path: Path
-    reader: object
-    is_ros1: bool
-
-    def __post_init__(self):
-        typesys = extra_module("bags", "rosbags.typesys")
-        # Never the definitions in the file: rosbags makes code of them.
-        store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if self.is_ros1 else typesys.Stores.ROS2_HUMBLE)
-        if self.is_ros1:  # rosbags has no tf2_msgs among its ROS 1 types
-            store.register(typesys.get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS[0]))
-        self._parse = store.deserialize_ros1 if self.is_ros1 else store.deserialize_cdr
-        self.types = {connection.topic: connection.msgtype for connection in self.reader.connections}
-        self.counts = dict.fromkeys(self.types, 0)
-        for connection in self.reader.connections:
-            self.counts[connection.topic] += int(connection.msgcount)
-
-    def scan_topics(self) -> list[str]:
-        """The topics of scans, by name."""
-        return sorted(name for name, kind in self.types.items() if kind in DIMENSIONS)
-
-    def scan_topic(self, wanted: str | None) -> str:
-        """The topic of scans that is asked for, else the one with most messages; then warns of others with half as many and more, and of
-        all of the other type, which make a map of another dimension."""
-        topics = {name: self.counts[name] for name in self.scan_topics() if self.counts[name] or name == wanted}
-        if wanted is not None and wanted not in topics:
-            wanted = next((name for name in topics if name.lstrip("/") == wanted.lstrip("/")), wanted)
-        if not topics or (wanted is not None and wanted not in topics):
-            found = ", ".join(f"{name} ({self.types[name]}, {count})" for name, count in sorted(self.counts.items())) or "none"
-            asked = f"the topic {wanted}, of " if wanted is not None else ""
-            raise InputError(f"{self.path}: expected {asked}sensor_msgs/LaserScan or sensor_msgs/PointCloud2, found topics {found}")
-        if wanted is not None:
-            return wanted
-        chosen = max(sorted(topics), key=topics.get)
-        alike = [name for name, count in topics.items() if self.types[name] == self.types[chosen] and 2 * count >= topics[chosen]]
-        others = [f"{name} ({topics[name]})" for name in alike if name != chosen]
-        unlike = [name for name in topics if self.types[name] != self.types[chosen]]
-        others += [f"{name} ({topics[name]}, for a map in {DIMENSIONS[self.types[name]]}D)" for name in unlike]
-        if others:
-            warnings.warn(
-                f"{self.path}: read are the {topics[chosen]} scans of {chosen} alone. Set reading.topic for another; other topics of "
-                f"scans: {', '.join(others)}",
-                stacklevel=3,
-            )
-        return chosen
-
-    def poses(self, fixed_frame: str | None, odometry: str | None = None) -> BagPoses:
-        """The transforms of the bag, and its odometry; of that the wanted topic alone, if there is one."""
-        odometries = {name for name, count in self.counts.items() if self.types[name] == ODOMETRY and count}
-        if odometry is not None:
-            if not (named := {name for name in odometries if name.lstrip("/") == odometry.lstrip("/")}):
-                there = ", ".join(sorted(odometries)) or "none"
-                raise InputError(f"{self.path}: reading.odometry: expected a topic of nav_msgs/Odometry, got {odometry}; found {there}")
-            odometries = named
-        found = BagPoses(fixed_frame, odometry)
-        used = {name for name, kind in self.types.items() if kind in TRANSFORMS} | odometries
-        for topic, _, message in self._messages(used):
-            if self.types[topic] == ODOMETRY:
-                found.add_odometry(topic, message)
-            else:
-                found.add_transforms(message.transforms, topic.endswith("tf_static"))
-        return found
-
-    def scans(self, topic: str, every: int = 1) -> Iterator[tuple[int, int, object]]:
-        """Each so many-th message of scans: its place, its time (that of the recording where it has none), and the message."""
-        for index, (_, recorded_ns, message) in enumerate(self._messages({topic}, every)):
-            yield index * every, nanoseconds(message.header.stamp) or recorded_ns, message
-
-    def _messages(self, topics: set[str], every: int = 1) -> Iterator[tuple[str, int, object]]:
-        connections = [connection for connection in self.reader.connections if connection.topic in topics]
-        if not connections:
-            return
-        for index, (connection, recorded_ns, data) in enumerate(self.reader.messages(connections)):
-            if index % every == 0:
-                kind = TRANSFORMS[0] if connection.msgtype in TRANSFORMS else connection.msgtype
-                yield connection.topic, recorded_ns, self._parse(data, kind)
