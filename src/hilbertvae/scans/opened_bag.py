@@ -49,8 +49,8 @@ class OpenedBag:
         return sorted(name for name, kind in self.types.items() if kind in DIMENSIONS)
 
     def scan_topic(self, wanted: str | None) -> str:
-        """The topic of scans that is asked for, else the one with most messages; then warns of others with half as many and more, and of
-        all of the other type, which make a map of another dimension."""
+        """The topic of scans that is asked for, else the one with most messages; then warns of all others: a depth camera's may come three
+        times as often as a lidar's. Those of the other type make a map of another dimension."""
         topics = {name: self.counts[name] for name in self.scan_topics() if self.counts[name] or name == wanted}
         if wanted is not None and wanted not in topics:
             wanted = next((name for name in topics if name.lstrip("/") == wanted.lstrip("/")), wanted)
@@ -61,8 +61,7 @@ class OpenedBag:
         if wanted is not None:
             return wanted
         chosen = max(sorted(topics), key=topics.get)
-        alike = [name for name, count in topics.items() if self.types[name] == self.types[chosen] and 2 * count >= topics[chosen]]
-        others = [f"{name} ({topics[name]})" for name in alike if name != chosen]
+        others = [f"{name} ({topics[name]})" for name in topics if self.types[name] == self.types[chosen] and name != chosen]
         unlike = [name for name in topics if self.types[name] != self.types[chosen]]
         others += [f"{name} ({topics[name]}, for a map in {DIMENSIONS[self.types[name]]}D)" for name in unlike]
         if others:
