@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import reduce
 
@@ -48,12 +47,6 @@ class BagPoses:
     others: dict[str, list[str]] = field(default_factory=dict)
     """By the topic whose odometry is used: those that would have done as well."""
     _by: dict[str, Odometry | None] = field(default_factory=dict)
-
-    def add_transforms(self, transforms: Iterable, static: bool) -> None:
-        """The transforms of one message; static ones hold at all times."""
-        for each in transforms:
-            stamp, move = each.header.stamp, each.transform
-            self.tree.add(each.header.frame_id, each.child_frame_id, nanoseconds(stamp), move.translation, move.rotation, static)
 
     def add_odometry(self, topic: str, message) -> None:
         """One message of a topic of odometry."""

@@ -68,7 +68,7 @@ def read_bag(
         for name, setting, neutral in (("poses", poses, None), ("beam_origin", beam_origin, "centre")):
             if is_flat and setting != neutral:
                 raise InputError(f"reading.{name}: {chosen} of {path} are planar laser scans, where this has no meaning; leave it unset")
-        finder = bag.poses(fixed_frame, odometry) if poses is None else None
+        finder = bag.poses(chosen, fixed_frame, odometry) if poses is None else None
         beam_origins, kiss, clipped = find_beam_origins(beam_origin), KissOdometry(), ClippedCheck(max_range_m)
         found, seen, tilted, untimed, unturned = ScanCollector(min_range_m, max_range_m), 0, 0, 0, 0
         frames, poses_seen = set(), set()
@@ -146,6 +146,8 @@ def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int
         doubts.append(f"transforms don't cover the whole sweep of {unturned} of {seen} scans; these are taken as if measured at once")
     assumed = sorted(finder.assumed.items()) if finder else []
     doubts += [f"no transform says where {name} is on {base or 'the robot'}; taken to be its origin" for name, base in assumed]
+    for frame, sources in sorted(finder.tree.passed_over.items()) if finder else ():
+        doubts.append(f"transforms of {frame} are those of {sources.kept}; passed over are other ones in {', '.join(sources.others)}")
     for used, others in (finder.others if finder else {}).items():
         doubts.append(f"poses are those of {used}, which has most messages. Set reading.odometry for another: {', '.join(others)}")
     if doubts:

@@ -12,6 +12,7 @@ from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.bag_files import check_databases
 from hilbertvae.scans.bag_messages import DIMENSIONS
 from hilbertvae.scans.bag_poses import ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
+from hilbertvae.scans.transform_topics import TransformTopics
 
 
 @contextmanager
@@ -72,21 +73,23 @@ class OpenedBag:
             )
         return chosen
 
-    def poses(self, fixed_frame: str | None, odometry: str | None = None) -> BagPoses:
-        """The transforms of the bag, and its odometry; of that the wanted topic alone, if there is one."""
+    def poses(self, scan_topic: str, fixed_frame: str | None, odometry: str | None = None) -> BagPoses:
+        """The transforms of the bag, as they are for the scans of a topic (see `TransformTopics.tree`), and its odometry; of that the
+        wanted topic alone, if there is one."""
         odometries = {name for name, count in self.counts.items() if self.types[name] == ODOMETRY and count}
         if odometry is not None:
             if not (named := {name for name in odometries if name.lstrip("/") == odometry.lstrip("/")}):
                 there = ", ".join(sorted(odometries)) or "none"
                 raise InputError(f"{self.path}: reading.odometry: expected a topic of nav_msgs/Odometry, got {odometry}; found {there}")
             odometries = named
-        found = BagPoses(fixed_frame, odometry)
+        found, transforms = BagPoses(fixed_frame, odometry), TransformTopics()
         used = {name for name, kind in self.types.items() if kind in TRANSFORMS} | odometries
         for topic, _, message in self._messages(used):
             if self.types[topic] == ODOMETRY:
                 found.add_odometry(topic, message)
             else:
-                found.add_transforms(message.transforms, topic.endswith("tf_static"))
+                transforms.add(topic, message.transforms)
+        found.tree = transforms.tree(scan_topic)
         return found
 
     def scans(self, topic: str, every: int = 1) -> Iterator[tuple[int, int, object]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections import defaultdict
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -67,6 +68,14 @@ class PoseTrack:
         first, second = rows[after - 1], rows[after]
         return _matrix(first[:3] + share * (second[:3] - first[:3]), slerp(first[3:], second[3:], share))
 
+    def agrees(self, other: PoseTrack) -> bool:
+        """Whether one of two tracks has no sample that the other doesn't; of single ones, which hold at all times, whatever their times."""
+        first, second = (np.column_stack([np.array(track._stamps, np.float64), np.array(track._rows)]) for track in (self, other))
+        if len(first) == len(second) == 1:
+            return bool((first[:, 1:] == second[:, 1:]).all())
+        first, second = (np.unique(rows, axis=0) for rows in (first, second))
+        return len(np.unique(np.concatenate([first, second]), axis=0)) == max(len(first), len(second))
+
     def _samples(self) -> tuple[np.ndarray, np.ndarray, float]:
         """The times (S,) int64, increasing, the samples (S, 7), and from how many nanoseconds on there is a hole between two."""
         if self._sorted is None:
@@ -121,6 +130,14 @@ def _inverse(pose: np.ndarray) -> np.ndarray:
     return inverse
 
 
+@dataclass(frozen=True)
+class Sources:
+    """Of one frame, which topic's transforms were kept, or None where none stands out, and the others that say otherwise."""
+
+    kept: str | None
+    others: tuple[str, ...]
+
+
 class TransformTree:
     """Frames by name, without the leading slash that ROS 1 may have. What is static holds at all times.
 
@@ -132,6 +149,10 @@ class TransformTree:
         self._static: dict[tuple[str, str], PoseTrack] = {}
         self._parents: dict[str, list[str]] = defaultdict(list)
         self._chains: dict[tuple[str, str], tuple[list[str], list[str]] | None] = {}
+        self.sources: dict[tuple[bool, str], Sources] = {}
+        """By whether it is static and by frame: those that several topics have, and not alike."""
+        self.passed_over: dict[str, Sources] = {}
+        """Those of them that a pose went by."""
 
     def add(self, parent: str, child: str, stamp_ns: int, translation, rotation, static: bool) -> None:
         """A sample of the pose of `child` in `parent`; see `PoseTrack.add`. The last static one of a frame is what holds."""
@@ -145,6 +166,26 @@ class TransformTree:
         else:
             self._moving.setdefault(edge, PoseTrack(f"transform from {child} to {parent}")).add(stamp_ns, translation, rotation)
 
+    def take(self, other: TransformTree, children: set[str]) -> None:
+        """All that another tree says of some frames."""
+        for mine, theirs in ((self._moving, other._moving), (self._static, other._static)):
+            mine |= {edge: track for edge, track in theirs.items() if edge[1] in children}
+        for child in other._parents.keys() & children:
+            self._parents[child] += [parent for parent in other._parents[child] if parent not in self._parents[child]]
+        self._chains.clear()
+
+    def agrees(self, other: TransformTree, child: str) -> bool:
+        """Whether two trees say the same of a frame; see `PoseTrack.agrees`."""
+        if set(self._parents[child]) != set(other._parents[child]):
+            return False
+        edges = [(parent, child) for parent in self._parents[child]]
+        return all(self._track(edge).agrees(other._track(edge)) for edge in edges)
+
+    @property
+    def children(self) -> list[str]:
+        """All frames that have a pose in another."""
+        return list(self._parents)
+
     @property
     def frames(self) -> list[str]:
         """All frames that are named, sorted."""
@@ -157,21 +198,37 @@ class TransformTree:
     def pose(self, fixed: str, frame: str, stamp_ns: int) -> np.ndarray | None:
         """(4, 4): takes points of `frame` to `fixed` at a time. None where the chain between them does not cover that time.
 
-        Raises `InputError` for several chains, for a loop, and for a transform on the way that is no rigid motion.
+        Raises `InputError` for several chains, for a loop, and for a transform on the way that is no rigid motion, or that topics differ
+        about of which none stands out.
         """
         if (fixed, frame) not in self._chains:
             self._chains[fixed, frame] = find_chain(self._parents, frame, fixed)
+            for names in self._chains[fixed, frame] or ():
+                self._note_sources(names)
         chain = self._chains[fixed, frame]
         if chain is None:
             return None
         there, back = (self._climb(names, stamp_ns) for names in chain)
         return None if there is None or back is None else _inverse(back) @ there
 
+    def _note_sources(self, names: list[str]) -> None:
+        for child, parent in zip(names[:-1], names[1:], strict=True):
+            found = self.sources.get(((parent, child) not in self._moving, child))
+            if found and not found.kept:
+                raise InputError(
+                    f"transforms: {child} is elsewhere in each of {' and '.join(found.others)}, and none of these is the scans' own by its "
+                    "namespace, nor /tf; keep one of them in the bag, or set reading.topic to scans in the namespace of one"
+                )
+            if found:
+                self.passed_over[child] = found
+
+    def _track(self, edge: tuple[str, str]) -> PoseTrack:
+        return self._moving.get(edge) or self._static[edge]
+
     def _climb(self, names: list[str], stamp_ns: int) -> np.ndarray | None:
         pose = np.eye(4)
         for child, parent in zip(names[:-1], names[1:], strict=True):
-            track = self._moving.get((parent, child)) or self._static[parent, child]
-            step = track.at(stamp_ns)
+            step = self._track((parent, child)).at(stamp_ns)
             if step is None:
                 return None
             pose = step @ pose
