@@ -15,6 +15,8 @@ TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 ODOMETRY = "nav_msgs/msg/Odometry"
 FIXED_FRAMES = ("map", "odom")
 """What REP 105 calls the fixed frames, the better one first."""
+STANDING = {*FIXED_FRAMES, "world", "earth", "camera_init"}
+"""Frames that stand still, the last one LOAM's."""
 
 
 @dataclass
@@ -34,16 +36,20 @@ class BagPoses:
     fixed_frame: the frame that poses are in; None takes the first of `FIXED_FRAMES` that a chain leads to from the sensor, of transforms
     or of odometry and transforms, and else odometry's frame. A sensor that stood still has its own frame as `fixed_frame`. odometry: the
     topic whose odometry is wanted, also where transforms say where the sensor was; None takes, where it is needed, one that transforms
-    connect to the sensor, and of several the one with most messages.
+    connect to the sensor, and of several the one with most messages. clouds: whether scans are clouds, which a SLAM may have registered:
+    put in the fixed frame of its odometry already. Where beams started, such a cloud doesn't say, and the odometry does.
     """
 
     fixed_frame: str | None = None
     odometry: str | None = None
+    clouds: bool = True
     tree: TransformTree = field(default_factory=TransformTree)
     tracks: dict[str, Odometry] = field(default_factory=dict)
     """By topic."""
     assumed: dict[str, str] = field(default_factory=dict)
     """Sensors that no transform places on the base frame, taken to be there, and that frame."""
+    registered: dict[str, str] = field(default_factory=dict)
+    """Fixed frames of odometry that clouds are in, and its topic."""
     others: dict[str, list[str]] = field(default_factory=dict)
     """By the topic whose odometry is used: those that would have done as well."""
     _by: dict[str, Odometry | None] = field(default_factory=dict)
@@ -58,7 +64,8 @@ class BagPoses:
         one.count += 1
 
     def at(self, sensor: str, stamp_ns: int) -> np.ndarray | None:
-        """(4, 4): takes points of the sensor's frame to the fixed frame; None where nothing says so for that time.
+        """(4, 4): takes points of the sensor's frame to the fixed frame; None where nothing says so for that time. Of a registered cloud
+        the sensor's frame is the odometry's base; see `as_seen`.
 
         Raises `InputError`, with the frames there are, where nothing says so at all.
         """
@@ -69,15 +76,26 @@ class BagPoses:
         if by is None:
             return self.tree.pose(self.fixed_frame, sensor, stamp_ns)
         steps = [by.track.at(stamp_ns)]
-        if sensor != by.base and sensor not in self.assumed:
+        if sensor != by.base and sensor not in self.assumed and sensor not in self.registered:
             steps.append(self.tree.pose(by.base, sensor, stamp_ns))
         if by.frame != self.fixed_frame:
             steps.insert(0, self.tree.pose(self.fixed_frame, by.frame, stamp_ns))
         return None if any(step is None for step in steps) else reduce(np.matmul, steps)
 
+    def as_seen(self, frame: str, stamp_ns: int, points: np.ndarray) -> np.ndarray:
+        """Points (N, 3) of a scan in `frame`, in the frame whose pose `at` has: a registered cloud's go back to where they were seen from,
+        and are NaN where nothing says where that was."""
+        frame = frame.lstrip("/")
+        if frame not in self.registered:
+            return points
+        pose = self.tracks[self.registered[frame]].track.at(stamp_ns)
+        return np.full_like(points, np.nan) if pose is None else (points - pose[:3, 3]) @ pose[:3, :3]
+
     def _choose(self, sensor: str) -> Odometry | None:
         """The odometry whose a sensor's poses are, or None where they are the transforms'; settles `fixed_frame` for all sensors."""
         wanted = (self.fixed_frame.lstrip("/"),) if self.fixed_frame else FIXED_FRAMES
+        if found := self._registering(sensor, wanted):
+            return found
         for fixed in wanted:
             if not self.odometry and self.tree.connects(fixed, sensor) and (fixed != sensor or self.fixed_frame):
                 self.fixed_frame = fixed
@@ -95,6 +113,19 @@ class BagPoses:
                 "for clouds, reading.poses=kiss_icp finds the way"
             )
         return self._of(self.tracks, sensor)
+
+    def _registering(self, frame: str, wanted: tuple[str, ...]) -> Odometry | None:
+        """The odometry in whose fixed frame clouds are, if they are in one, and no sensor's."""
+        if not self.clouds or not (frame in STANDING or (frame and frame not in self.tree.frames)):
+            return None
+        placed = {topic: one for topic, one in self.tracks.items() if one.frame == frame != one.base}
+        fixed = next((name for name in wanted if self.tree.connects(name, frame)), None if self.fixed_frame else frame)
+        if not placed or fixed is None:
+            return None
+        found = self._of(placed, frame, fixed)
+        self.assumed.pop(frame, None)
+        self.registered[frame] = next(topic for topic, one in placed.items() if one is found)
+        return found
 
     def _linked(self, tracks: dict[str, Odometry], sensor: str) -> dict[str, Odometry]:
         """Those whose base a sensor is, or is connected to."""

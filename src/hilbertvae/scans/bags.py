@@ -14,7 +14,7 @@ from hilbertvae.checks import InputError, extra_module
 from hilbertvae.progress import track
 from hilbertvae.scans.bag_chunks import bounded_unpacking
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
-from hilbertvae.scans.bag_poses import FIXED_FRAMES, BagPoses
+from hilbertvae.scans.bag_poses import STANDING, BagPoses
 from hilbertvae.scans.beam_lengths import ClippedCheck, beam_lengths, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.deskewing import deskewed_along
@@ -25,9 +25,6 @@ from hilbertvae.scans.point_times import SWEEP_S, beam_times, says_times
 from hilbertvae.scans.poses import MOST_TILT_DEG, leans
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
-
-FIXED = {*FIXED_FRAMES, "world", "earth", "camera_init"}
-"""Frames that stand still, the last one LOAM's."""
 
 
 def read_bag(
@@ -74,34 +71,37 @@ def read_bag(
         frames, poses_seen = set(), set()
         # Odometry goes from scan to scan, so it sees those too that are left out.
         for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
+            frame = message.header.frame_id.lstrip("/")
             with named(f"{path}, a message of {chosen}"):
                 cloud = without_zeros(READERS[message.__msgtype__](message))
+            with named(str(path)):
+                pose = finder.at(frame, stamp_ns) if finder else None
+            cloud = finder.as_seen(frame, stamp_ns, cloud) if finder else cloud
             if is_flat:
                 clipped.see(np.linalg.norm(cloud, axis=1))
             start = beam_origins(cloud)
             lengths = beam_lengths(cloud, start)
             lengths = lengths.round(6) if is_flat else lengths  # as ranges are: rounding carries some of a limit's length below it
             kept = found.within(lengths)
-            times = beam_times(message, stamp_ns, np.isfinite(lengths)) if deskew else None
-            with named(str(path)):
-                if finder:
-                    pose = finder.at(message.header.frame_id, stamp_ns)
-                else:
+            turns = deskew and not (finder and frame in finder.registered)  # a SLAM has turned their beams back already
+            times = beam_times(message, stamp_ns, np.isfinite(lengths)) if turns else None
+            if not finder:
+                with named(str(path)):
                     cloud, start = kiss.deskewed(cloud, start, times, stamp_ns)
                     pose = kiss.register(cloud[kept])
             if index % every:
                 continue
             seen += 1
-            untimed += deskew and times is None and len(kept) > 0 and says_times(message)
+            untimed += turns and times is None and len(kept) > 0 and says_times(message)
             if pose is None:
                 continue
             if is_flat and leans(pose):
                 tilted += 1
                 continue
-            frames.add(message.header.frame_id.lstrip("/"))
+            frames.add(frame)
             poses_seen.add(tuple(np.round(pose[:3], 3).flat))
             if finder and times is not None and np.ptp(times):
-                back = deskewed_along(cloud, start, stamp_ns + times, partial(finder.at, message.header.frame_id), pose)
+                back = deskewed_along(cloud, start, stamp_ns + times, partial(finder.at, frame), pose)
                 unturned += back is None
                 cloud, start = back or (cloud, start)
             found.add(cloud, start, kept, pose, DIMENSIONS[bag.types[chosen]])
@@ -110,14 +110,15 @@ def read_bag(
     clipped.warn(path)
     _warn(path, chosen, finder, len(found), seen, tilted, untimed, unturned)
     if finder:
-        _warn_of_fixed_clouds(path, chosen, frames, len(poses_seen), len(found), bag)
+        _warn_of_fixed_clouds(path, chosen, frames - finder.registered.keys(), len(poses_seen), len(found), bag)
     return found.whole(path, seen, f" on {chosen}")
 
 
 def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, found: int, bag: OpenedBag) -> None:
-    """Clouds that a SLAM has put in its own fixed frame carry no place of the sensor: all of their beams would start at one."""
-    stands = sorted(frames & FIXED)
-    if stands or (poses == 1 and found >= 5):
+    """Clouds that a SLAM has put in its own fixed frame carry no place of the sensor: all of their beams would start at one, where no
+    odometry has that frame."""
+    stands = sorted(frames & STANDING)
+    if stands or (frames and poses == 1 and found >= 5):
         others = ", ".join(name for name in bag.scan_topics() if name != topic) or "none"
         said = f"are in the frame {stands[0]}, which stands still" if stands else f"come from one place, all {found} of them"
         warnings.warn(
@@ -146,6 +147,9 @@ def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int
         doubts.append(f"transforms don't cover the whole sweep of {unturned} of {seen} scans; these are taken as if measured at once")
     assumed = sorted(finder.assumed.items()) if finder else []
     doubts += [f"no transform says where {name} is on {base or 'the robot'}; taken to be its origin" for name, base in assumed]
+    for frame, used in sorted(finder.registered.items()) if finder else ():
+        base = finder.tracks[used].base or "the robot"
+        doubts.append(f"scans in {frame} are where {used} has its poses: they stay there, and their beams start where it has {base}")
     for frame, sources in sorted(finder.tree.passed_over.items()) if finder else ():
         doubts.append(f"transforms of {frame} are those of {sources.kept}; passed over are other ones in {', '.join(sources.others)}")
     for used, others in (finder.others if finder else {}).items():

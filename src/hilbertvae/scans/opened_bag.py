@@ -10,7 +10,7 @@ from pathlib import Path
 
 from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.bag_files import check_databases
-from hilbertvae.scans.bag_messages import DIMENSIONS
+from hilbertvae.scans.bag_messages import DIMENSIONS, POINT_CLOUD
 from hilbertvae.scans.bag_poses import ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
 from hilbertvae.scans.transform_topics import TransformTopics
 
@@ -82,7 +82,7 @@ class OpenedBag:
                 there = ", ".join(sorted(odometries)) or "none"
                 raise InputError(f"{self.path}: reading.odometry: expected a topic of nav_msgs/Odometry, got {odometry}; found {there}")
             odometries = named
-        found, transforms = BagPoses(fixed_frame, odometry), TransformTopics()
+        found, transforms = BagPoses(fixed_frame, odometry, self.types[scan_topic] == POINT_CLOUD), TransformTopics()
         used = {name for name, kind in self.types.items() if kind in TRANSFORMS} | odometries
         for topic, _, message in self._messages(used):
             if self.types[topic] == ODOMETRY:
