@@ -21,7 +21,7 @@ from hilbertvae.scans.deskewing import deskewed_along
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, named, reading
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
 from hilbertvae.scans.opened_bag import OpenedBag, opened_bag
-from hilbertvae.scans.point_times import SWEEP_S, beam_times, says_times
+from hilbertvae.scans.point_times import LONGEST_SWEEP, SWEEP_S, beam_times, says_times
 from hilbertvae.scans.poses import MOST_TILT_DEG, leans
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
@@ -47,9 +47,9 @@ def read_bag(
     clouds that were, but still say so. beam_origin and ranges are as in `read_scan_folder`; `every` keeps each so many-th message. Scans
     are numbered from 0, beams by their place in the message.
 
-    The bag is read twice, transforms and then scans, a chunk at a time: memory grows with the returns that are kept. Messages have the
-    types that ROS defines, whatever definitions the bag brings along. Raises `InputError` for files that are missing or damaged, and
-    where there are no scans or no poses, with the topics or frames that are there.
+    The bag is read twice, transforms and then scans (and before, the first of these), a chunk at a time: memory grows with the returns
+    that are kept. Messages have the types that ROS defines, whatever definitions the bag brings along. Raises `InputError` for files that
+    are missing or damaged, and where there are no scans or no poses, with the topics or frames that are there.
     """
     path = Path(path)
     check_reading(min_range_m, max_range_m, every)
@@ -68,7 +68,7 @@ def read_bag(
         finder = bag.poses(chosen, fixed_frame, odometry) if poses is None else None
         beam_origins, kiss, clipped = find_beam_origins(beam_origin), KissOdometry(), ClippedCheck(max_range_m)
         found, seen, tilted, untimed, unturned = ScanCollector(min_range_m, max_range_m), 0, 0, 0, 0
-        frames, poses_seen = set(), set()
+        frames, poses_seen, step_ns = set(), set(), bag.step_ns(chosen) if deskew else np.inf
         # Odometry goes from scan to scan, so it sees those too that are left out.
         for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
             frame = message.header.frame_id.lstrip("/")
@@ -84,7 +84,7 @@ def read_bag(
             lengths = lengths.round(6) if is_flat else lengths  # as ranges are: rounding carries some of a limit's length below it
             kept = found.within(lengths)
             turns = deskew and not (finder and frame in finder.registered)  # a SLAM has turned their beams back already
-            times = beam_times(message, stamp_ns, np.isfinite(lengths)) if turns else None
+            times = beam_times(message, stamp_ns, np.isfinite(lengths), step_ns) if turns else None
             if not finder:
                 with named(str(path)):
                     cloud, start = kiss.deskewed(cloud, start, times, stamp_ns)
@@ -140,8 +140,8 @@ def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int
     doubts += [f"in {tilted} of {seen} the laser leans more than {MOST_TILT_DEG:.0f} degrees; they are left out"] if tilted else []
     if untimed:
         doubts.append(
-            f"the times of points in {untimed} of {seen} scans make no sweep of {SWEEP_S[0]:g} to {SWEEP_S[1]:g} s around its message's; "
-            "these are taken as they are"
+            f"the times of points in {untimed} of {seen} scans make no sweep of {SWEEP_S[0]:g} to {SWEEP_S[1]:g} s around its message's, "
+            f"or one more than {LONGEST_SWEEP:g} times as long as the time from scan to scan; these are taken as they are"
         )
     if unturned:
         doubts.append(f"transforms don't cover the whole sweep of {unturned} of {seen} scans; these are taken as if measured at once")

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import warnings
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.bag_files import check_databases
 from hilbertvae.scans.bag_messages import DIMENSIONS, POINT_CLOUD
 from hilbertvae.scans.bag_poses import ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
+from hilbertvae.scans.point_times import usual_step_ns
 from hilbertvae.scans.transform_topics import TransformTopics
+
+FIRST = 50
+"""Messages, of a few seconds: they tell how often a sensor scans, whatever pauses it makes later."""
 
 
 @contextmanager
@@ -96,6 +102,13 @@ class OpenedBag:
         """Each so many-th message of scans: its place, its time (that of the recording where it has none), and the message."""
         for index, (_, recorded_ns, message) in enumerate(self._messages({topic}, every)):
             yield index * every, nanoseconds(message.header.stamp) or recorded_ns, message
+
+    def step_ns(self, topic: str) -> float:
+        """The usual time from one message of scans to the next, by the first `FIRST` of them."""
+        stamps = defaultdict(list)
+        for _, stamp_ns, message in islice(self.scans(topic), FIRST):
+            stamps[message.header.frame_id].append(stamp_ns)
+        return usual_step_ns(stamps)
 
     def _messages(self, topics: set[str], every: int = 1) -> Iterator[tuple[str, int, object]]:
         connections = [connection for connection in self.reader.connections if connection.topic in topics]
