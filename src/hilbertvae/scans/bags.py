@@ -77,11 +77,9 @@ def read_bag(
             with named(str(path)):
                 pose = finder.at(frame, stamp_ns) if finder else None
             cloud = finder.as_seen(frame, stamp_ns, cloud) if finder else cloud
-            if is_flat:
-                clipped.see(np.linalg.norm(cloud, axis=1))
             start = beam_origins(cloud)
-            lengths = beam_lengths(cloud, start)
-            lengths = lengths.round(6) if is_flat else lengths  # as ranges are: rounding carries some of a limit's length below it
+            lengths = beam_lengths(cloud, start).round(4)  # as ranges are: float32 carries some of a limit's length below it
+            clipped.see(lengths)
             kept = found.within(lengths)
             turns = deskew and not (finder and frame in finder.registered)  # a SLAM has turned their beams back already
             times = beam_times(message, stamp_ns, np.isfinite(lengths), step_ns) if turns else None
