@@ -11,7 +11,7 @@ from itertools import islice
 from pathlib import Path
 
 from hilbertvae.checks import InputError, extra_module
-from hilbertvae.scans.bag_files import check_databases
+from hilbertvae.scans.bag_files import check_files
 from hilbertvae.scans.bag_messages import DIMENSIONS, POINT_CLOUD
 from hilbertvae.scans.bag_poses import ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
 from hilbertvae.scans.point_times import usual_step_ns
@@ -24,7 +24,7 @@ FIRST = 50
 @contextmanager
 def opened_bag(path: Path) -> Iterator[OpenedBag]:
     """The bag at a path, for as long as the block runs; an `InputError` for one that can't be read whole."""
-    check_databases(path)
+    check_files(path)
     is_ros1 = path.suffix.lower() == ".bag" and not path.is_dir()
     module = extra_module("bags", "rosbags.rosbag1" if is_ros1 else "rosbags.rosbag2")
     with module.Reader(path) as reader:
