@@ -82,6 +82,15 @@ class BagPoses:
             steps.insert(0, self.tree.pose(self.fixed_frame, by.frame, stamp_ns))
         return None if any(step is None for step in steps) else reduce(np.matmul, steps)
 
+    def span_ns(self, sensor: str) -> tuple[int, int] | None:
+        """From when to when there are samples of all that a sensor's poses are made of; the second is before the first where there is no
+        such time. None where all of it holds at all times."""
+        by = self._by.get(sensor.lstrip("/"))
+        ways = [(by.base, sensor), (self.fixed_frame, by.frame)] if by else [(self.fixed_frame, sensor)]
+        tracks = [track for fixed, frame in ways for track in self.tree.tracks(fixed, frame.lstrip("/"))] + ([by.track] if by else [])
+        spans = [track.span_ns for track in tracks if track.span_ns]
+        return (max(first for first, _ in spans), min(last for _, last in spans)) if spans else None
+
     def as_seen(self, frame: str, stamp_ns: int, points: np.ndarray) -> np.ndarray:
         """Points (N, 3) of a scan in `frame`, in the frame whose pose `at` has: a registered cloud's go back to where they were seen from,
         and are NaN where nothing says where that was."""

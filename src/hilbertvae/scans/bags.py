@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections import defaultdict
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -19,6 +20,7 @@ from hilbertvae.scans.beam_lengths import ClippedCheck, beam_lengths, without_ze
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.deskewing import deskewed_along
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, named, reading
+from hilbertvae.scans.frame_chains import MOST_NAMED
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
 from hilbertvae.scans.opened_bag import OpenedBag, opened_bag
 from hilbertvae.scans.point_times import LONGEST_SWEEP, SWEEP_S, beam_times, says_times
@@ -68,7 +70,8 @@ def read_bag(
         finder = bag.poses(chosen, fixed_frame, odometry) if poses is None else None
         beam_origins, kiss, clipped = find_beam_origins(beam_origin), KissOdometry(), ClippedCheck(max_range_m)
         found, seen, tilted, untimed, unturned = ScanCollector(min_range_m, max_range_m), 0, 0, 0, 0
-        frames, poses_seen, step_ns = set(), set(), bag.step_ns(chosen) if deskew else np.inf
+        frames, poses_seen, unposed_ns = set(), set(), defaultdict(list)
+        step_ns = bag.step_ns(chosen) if deskew else np.inf
         # Odometry goes from scan to scan, so it sees those too that are left out.
         for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
             frame = message.header.frame_id.lstrip("/")
@@ -92,6 +95,7 @@ def read_bag(
             seen += 1
             untimed += turns and times is None and len(kept) > 0 and says_times(message)
             if pose is None:
+                unposed_ns[frame].append(stamp_ns)
                 continue
             if is_flat and leans(pose):
                 tilted += 1
@@ -106,7 +110,7 @@ def read_bag(
     found.warn(path)
     kiss.warn(path)
     clipped.warn(path)
-    _warn(path, chosen, finder, len(found), seen, tilted, untimed, unturned)
+    _warn(path, chosen, finder, unposed_ns, len(found), seen, tilted, untimed, unturned)
     if finder:
         _warn_of_fixed_clouds(path, chosen, frames - finder.registered.keys(), len(poses_seen), len(found), bag)
     return found.whole(path, seen, f" on {chosen}")
@@ -126,13 +130,22 @@ def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, 
         )
 
 
-def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int, tilted: int, untimed: int, unturned: int) -> None:
+def _warn(
+    path: Path,
+    topic: str,
+    finder: BagPoses | None,
+    unposed_ns: dict[str, list[int]],
+    found: int,
+    seen: int,
+    tilted: int,
+    untimed: int,
+    unturned: int,
+) -> None:
     """One warning for what of the poses is doubtful; an `InputError` where no scan has one."""
     if finder and seen and not found:
-        raise InputError(
-            f"{path}: expected poses for the scans of {topic}, got none of {seen}: transforms in {finder.fixed_frame} don't cover their "
-            f"times, or the laser leans more than {MOST_TILT_DEG:.0f} degrees"
-        )
+        why = [f"transforms in {finder.fixed_frame} don't cover their times{_times(finder, unposed_ns)}"] if tilted < seen else []
+        why += [f"in {tilted} the laser leans more than {MOST_TILT_DEG:.0f} degrees"] if tilted else []
+        raise InputError(f"{path}: expected poses for the scans of {topic}, got none of {seen}: {'; '.join(why)}")
     unposed = seen - found - tilted
     doubts = [f"{unposed} of {seen} scans of {topic} have no pose at their time and are left out"] if unposed else []
     doubts += [f"in {tilted} of {seen} the laser leans more than {MOST_TILT_DEG:.0f} degrees; they are left out"] if tilted else []
@@ -154,3 +167,13 @@ def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int
         doubts.append(f"poses are those of {used}, which has most messages. Set reading.odometry for another: {', '.join(others)}")
     if doubts:
         warnings.warn(f"{path}: {'; '.join(doubts)}", stacklevel=3)
+
+
+def _times(finder: BagPoses, stamps_ns: dict[str, list[int]]) -> str:
+    """Of each frame, when its scans were and when there are poses: a lidar's clock may count since it was switched on."""
+    said = []
+    for frame, stamps in list(stamps_ns.items())[:MOST_NAMED]:
+        scanned, span = f"scans in {frame} are of {min(stamps) / 1e9:.3f} to {max(stamps) / 1e9:.3f} s", finder.span_ns(frame)
+        between = f"{span[0] / 1e9:.3f} to {span[1] / 1e9:.3f} s" if span and span[0] <= span[1] else "no time that all of them have"
+        said.append(f"{scanned}, transforms of {between}")
+    return f": {'; '.join(said)}. For clouds, reading.poses=kiss_icp finds the way"

@@ -68,6 +68,11 @@ class PoseTrack:
         first, second = rows[after - 1], rows[after]
         return _matrix(first[:3] + share * (second[:3] - first[:3]), slerp(first[3:], second[3:], share))
 
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """The times of its first sample and its last one; None of a single one, which holds at all times."""
+        return (min(self._stamps), max(self._stamps)) if len(self._stamps) > 1 else None
+
     def agrees(self, other: PoseTrack) -> bool:
         """Whether one of two tracks has no sample that the other doesn't; of single ones, which hold at all times, whatever their times."""
         first, second = (np.column_stack([np.array(track._stamps, np.float64), np.array(track._rows)]) for track in (self, other))
@@ -210,6 +215,11 @@ class TransformTree:
             return None
         there, back = (self._climb(names, stamp_ns) for names in chain)
         return None if there is None or back is None else _inverse(back) @ there
+
+    def tracks(self, fixed: str, frame: str) -> list[PoseTrack]:
+        """Those that `pose` has gone by from one frame to another; none where it was not asked."""
+        chain = self._chains.get((fixed, frame)) or ()
+        return [self._track((parent, child)) for names in chain for child, parent in zip(names[:-1], names[1:], strict=True)]
 
     def _note_sources(self, names: list[str]) -> None:
         for child, parent in zip(names[:-1], names[1:], strict=True):
