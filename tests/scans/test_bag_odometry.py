@@ -11,7 +11,7 @@ from bag_writers import bag, moved, turned
 from hilbertvae.checks import InputError
 from hilbertvae.scans.bags import read_bag
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
-from hilbertvae.scans.transform_tree import PoseTrack
+from hilbertvae.scans.pose_track import PoseTrack
 
 pytest.importorskip("rosbags")
 

@@ -8,7 +8,8 @@ from functools import reduce
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.transform_tree import PoseTrack, TransformTree
+from hilbertvae.scans.pose_track import PoseTrack
+from hilbertvae.scans.transform_tree import TransformTree
 
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 """Two names of one type: the second is that of old ROS 1 bags."""
