@@ -51,3 +51,15 @@ def test_messages_that_a_recorder_left_in_the_log_are_not_missed(tmp_path, recor
     with sqlite3.connect(bag_file(cut_off)) as database:
         database.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     assert len(read_bag(cut_off)) == whole
+
+
+@pytest.mark.parametrize("cut", [9, 1000])
+def test_what_mends_an_mcap_that_was_cut_off_is_told(tmp_path, cut):
+    folder = write_scene(tmp_path / "my run", "mcap", lasers=0)
+    file = bag_file(folder)
+    file.write_bytes(file.read_bytes()[:-cut])
+    for path in (folder, file):
+        with pytest.raises(
+            InputError, match=r"mcap: expected an MCAP with its end, .* by: mcap recover '.*/my run/.*\.mcap' -o '.*_mended"
+        ):
+            read_bag(path)

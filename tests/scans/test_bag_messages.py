@@ -125,3 +125,18 @@ def test_a_step_of_rows_is_not_needed_where_nothing_is_between_them(tmp_path, st
         made.transform("/tf", 0, "map", "lidar", ((0, 0, 0), turned(0)))
         made.cloud("/points", 0.0, "lidar", CLOUDS[0], rows=2, row_step=step, point_step=12, data=points.reshape(-1).view(np.uint8))
     np.testing.assert_array_equal(read_bag(tmp_path / "a.bag").points, points)
+
+
+@pytest.mark.parametrize("origin", ["centre", (0.0, 0.1, 0.2)])
+def test_a_cloud_s_own_code_for_no_return_is_told_and_dropped_as_told(tmp_path, origin):
+    """Where float32 has it a little shorter, too."""
+    rng = np.random.default_rng(2)
+    beams = rng.normal(size=(400, 3))
+    beams *= (np.r_[rng.uniform(1, 11, 300), np.full(100, 12.3)] / np.linalg.norm(beams, axis=1))[:, None]
+    with bag(tmp_path / "a.bag") as made:
+        for number in range(3):
+            made.transform("/tf", number, "map", "lidar", ((number, 0, 0), turned(0)))
+            made.cloud("/points", number, "lidar", beams + (0 if origin == "centre" else origin))
+    with pytest.warns(UserWarning, match="a.bag: 25 % of all ranges are the largest, 12.3 m.*Set reading.max_range_m=12.3 to drop them"):
+        assert len(read_bag(tmp_path / "a.bag", beam_origin=origin)) == 1200
+    assert len(read_bag(tmp_path / "a.bag", beam_origin=origin, max_range_m=12.3)) == 900

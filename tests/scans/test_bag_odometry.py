@@ -11,7 +11,7 @@ from bag_writers import bag, moved, turned
 from hilbertvae.checks import InputError
 from hilbertvae.scans.bags import read_bag
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
-from hilbertvae.scans.transform_tree import PoseTrack
+from hilbertvae.scans.pose_track import PoseTrack
 
 pytest.importorskip("rosbags")
 
@@ -126,3 +126,62 @@ def test_a_publisher_that_is_late_is_no_other_drive():
         stamp_ns = int(1e9 * (100 + 0.02 * number - 3 * (number % 2)))
         track.add(stamp_ns, SimpleNamespace(x=1e-12 * stamp_ns, y=0.0, z=0.0), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0))
     assert track.at(int(200e9))[0, 3] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("frame", "fixed", "transforms"),
+    [("camera_init", None, []), ("odom", None, []), ("odom", "odom", []), ("robot/odom", None, []), ("odom", "odom", [("odom", "base", 0)]),
+     ("odom", None, [("map", "odom", MAP_ODOM)])],
+)  # fmt: skip
+def test_clouds_that_a_slam_has_put_in_the_frame_of_its_odometry(tmp_path, frame, fixed, transforms):
+    """They stay where they are, also those that still have the times of their points, and beams start where the odometry was."""
+    with bag(tmp_path / "a.bag") as made:
+        for second in range(4):
+            for parent, child, pose in transforms:
+                made.transform("/tf", second, parent, child, pose or base_in_odom(second))
+            made.odometry("/lio/odometry", second, frame, "body", base_in_odom(second))
+        for number in range(3):
+            times = "time", np.linspace(0, 0.1, 12).astype("<f4")
+            made.cloud("/cloud_registered", number + 0.35, frame, CLOUDS[number], padding=8, times=times)
+    said = f"a.bag: scans in {frame} are where /lio/odometry has its poses: they stay there, and their beams start where it has body$"
+    with pytest.warns(UserWarning, match=said) as found:
+        scans = read_bag(tmp_path / "a.bag", fixed_frame=fixed, beam_origin=(0, 0, 1.5))
+    assert len(found) == 1
+    to_map = [pose for parent, _, pose in transforms if parent == "map"]
+    for number in range(3):
+        chosen = scans.scan == number
+        np.testing.assert_allclose(scans.points[chosen], moved(CLOUDS[number], *to_map), rtol=0, atol=1e-6)
+        starts = moved([[0, 0, 1.5]] * 12, base_in_odom(number + 0.35), *to_map)
+        np.testing.assert_allclose(scans.origins[chosen], starts, rtol=0, atol=1e-6)
+
+
+def test_registered_clouds_are_cut_by_how_far_they_were_seen_and_left_out_without_a_pose(tmp_path):
+    with bag(tmp_path / "a.bag") as made:
+        for second in range(3):
+            made.odometry("/odometry", second, "camera_init", "body", ((500.0, 0, 0), turned(0)))
+        for second in (0.5, 1.5, 2.5):
+            made.cloud("/cloud_registered", second, "camera_init", [[510.0, 0, 0], [490, 0, 0], [500, 10, 0], [530, 0, 0]])
+    with pytest.warns(UserWarning, match="a.bag: 1 of 3 scans of /cloud_registered have no pose at their time"):
+        scans = read_bag(tmp_path / "a.bag", max_range_m=20.0)
+    np.testing.assert_array_equal(scans.points, [[510.0, 0, 0], [490, 0, 0], [500, 10, 0]] * 2)
+
+
+@pytest.mark.parametrize(("frame", "base"), [("", ""), ("laser", "laser")])
+def test_a_sensor_s_own_frame_is_no_fixed_one(tmp_path, frame, base):
+    """Drivers leave frames empty, and planar scans are always the sensor's."""
+    with bag(tmp_path / "a.bag") as made:
+        for second in range(3):
+            made.odometry("/odom", second, frame, base, base_in_odom(second))
+        made.cloud("/points", 1.35, frame, CLOUDS[0])
+    np.testing.assert_allclose(read_bag(tmp_path / "a.bag").points, moved(CLOUDS[0], base_in_odom(1.35)), rtol=0, atol=1e-9)
+
+
+def test_planar_scans_are_never_in_a_fixed_frame(tmp_path):
+    with bag(tmp_path / "a.bag") as made:
+        for second in range(3):
+            made.odometry("/odom", second, "odom", "base", base_in_odom(second))
+        made.laser("/scan", 1.35, "odom", RANGES[0])
+    warnings.filterwarnings("ignore", message=".* in the frame odom, which stands still")
+    with pytest.warns(UserWarning, match="no transform says where odom is on base"):
+        found = read_bag(tmp_path / "a.bag")
+    np.testing.assert_allclose(found.origins[0], base_in_odom(1.35)[0][:2], rtol=0, atol=1e-9)

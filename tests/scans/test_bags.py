@@ -128,6 +128,43 @@ def test_scans_beyond_the_transforms_are_left_out(tmp_path):
         read_bag(tmp_path / "a.bag", every=10)
 
 
+@pytest.mark.parametrize("kind", ["transforms", "odometry"])
+def test_times_of_two_clocks_are_told(tmp_path, kind):
+    """A lidar's may count since it was switched on."""
+    with bag(tmp_path / "a.bag") as made:
+        for second in range(3):
+            if kind == "odometry":
+                made.odometry("/odom", second, "odom", "lidar", base_in_odom(second))
+            else:
+                made.transform("/tf", second, "odom", "lidar", base_in_odom(second))
+        for number in range(3):
+            stamp = made.make("builtin_interfaces/Time", 100 + number, 500_000_000)
+            made.cloud("/points", number, "lidar", CLOUDS[0], header=made.make("std_msgs/Header", 0, stamp, "lidar"))
+    said = (
+        "scans in lidar are of 100.500 to 102.500 s, transforms of 1700000000.000 to 1700000002.000 s. For clouds, reading.poses=kiss_icp"
+    )
+    with pytest.raises(InputError, match=f"a.bag: .*got none of 3: transforms in odom don't cover their times: {said}"):
+        read_bag(tmp_path / "a.bag")
+
+
+def test_transforms_that_have_no_time_in_common_are_told(tmp_path):
+    with bag(tmp_path / "a.bag") as made:
+        for second in range(3):
+            made.transform("/tf", second, "odom", "lidar", base_in_odom(second))
+            made.transform("/tf", second + 10, "map", "odom", MAP_ODOM)
+        made.cloud("/points", 1, "lidar", CLOUDS[0])
+    with pytest.raises(InputError, match="scans in lidar are of 1700000001.000 to .*, transforms of no time that all of them have"):
+        read_bag(tmp_path / "a.bag")
+
+
+def test_a_laser_that_leans_in_all_scans_is_told(tmp_path):
+    with bag(tmp_path / "a.bag") as made:
+        made.transform("/tf", 0, "map", "laser", ((0, 0, 0), turned(0.0, 0.5)))
+        made.laser("/scan", 0.0, "laser", RANGES[0])
+    with pytest.raises(InputError, match="got none of 1: in 1 the laser leans more than 15 degrees$"):
+        read_bag(tmp_path / "a.bag")
+
+
 def test_a_stamp_of_zero_is_the_time_of_the_recording(tmp_path):
     with bag(tmp_path / "a.bag") as made:
         for second in range(3):
@@ -204,7 +241,7 @@ def test_leaning_lasers_are_told_from_missing_poses(tmp_path):
         assert len(np.unique(read_bag(tmp_path / "a.bag").scan)) == 3
 
 
-def test_a_second_laser_is_told(tmp_path):
+def test_other_lasers_are_told_however_rarely_they_scan(tmp_path):
     with bag(tmp_path / "a.bag") as made:
         for name in ("front", "rear", "rare"):
             made.transform("/tf_static", 0, "base", name, LASER_ON_BASE)
@@ -214,7 +251,7 @@ def test_a_second_laser_is_told(tmp_path):
             made.laser("/front", number + 0.3, "front", RANGES[number])
             made.laser("/rear", number + 0.3, "rear", RANGES[number])
         made.laser("/rare", 0.3, "rare", RANGES[0])
-    with pytest.warns(UserWarning, match=r"read are the 4 scans of /front alone. Set reading.topic .*: /rear \(4\)$"):
+    with pytest.warns(UserWarning, match=r"read are the 4 scans of /front alone. Set reading.topic .*: /rare \(1\), /rear \(4\)$"):
         assert read_bag(tmp_path / "a.bag").scan.max() == 3
     with warnings.catch_warnings():
         warnings.simplefilter("error")

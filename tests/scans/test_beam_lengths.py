@@ -117,6 +117,27 @@ def test_a_code_for_no_return_is_seen_behind_a_stray_range():
     assert not clipped([1.0, 80.0, 80.0])  # dropped anyway
 
 
+def test_the_longest_range_of_a_sensor_that_stood_still_is_no_code():
+    few = np.linspace(1, 9, 12)
+    assert not clipped(few, few, few)
+    assert "15 % of all ranges are the largest, 9.0 m" in clipped([*few, 9.0], [*few, 9.0])[0]
+
+
+def test_ranges_beyond_the_limit_are_kept_as_one():
+    check = ClippedCheck(80.0)
+    check.see(np.random.default_rng(0).uniform(80, 2e5, 50_000))
+    assert len(check._alike) == 1
+
+
+def test_ranges_that_a_lidar_rounds_are_no_code():
+    """A room of 8 x 6 x 2 m around a lidar of 32 rings, its ranges to 10 cm; a fifth of them have the one that most have."""
+    around, up = np.meshgrid(np.linspace(-np.pi, np.pi, 360, endpoint=False), np.deg2rad(np.linspace(-25, 15, 32)))
+    beams = np.abs(np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)]).reshape(3, -1))
+    with np.errstate(divide="ignore"):
+        ranges = (np.array([[4.0], [3], [1]]) / beams).min(axis=0)
+    assert not clipped(ranges) and not clipped(ranges.round(2)) and not clipped(ranges.round(1))
+
+
 def test_all_ranges_of_no_return_are_told_as_such():
     check = UnitCheck(30.0)
     check.see(np.full(180, 81.91))

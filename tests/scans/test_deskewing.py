@@ -149,6 +149,25 @@ def test_times_that_make_no_sweep_are_told(tmp_path):
         read_bag(tmp_path / "a.bag")
 
 
+@pytest.mark.parametrize("poses", [None, "kiss_icp"])
+def test_times_that_are_shares_of_the_sweep_are_told(tmp_path, poses):
+    """From 0 to 1, they look like a sweep of a second; clouds come ten times in one."""
+    if poses:
+        pytest.importorskip("kiss_icp")
+    with bag(tmp_path / "a.bag") as made:
+        for stamp in np.arange(0, 61) / 20:
+            made.transform("/tf", stamp, "odom", "lidar", robot(stamp))
+        for stamp in (0.5, 0.6, 0.7, 1.0, 1.1):
+            _, points, _ = lidar_sweep(stamp)
+            made.cloud("/points", stamp, "lidar", points, padding=12, times=("time", np.linspace(0, 1, 400).astype("<f4")))
+    said = "the times of points in 5 of 5 scans make no sweep .* or one more than 2 times as long as the time from scan to scan; these"
+    with pytest.warns(UserWarning, match=said), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*hardly fit the one before")
+        scans = read_bag(tmp_path / "a.bag", poses=poses)
+    if not poses:
+        np.testing.assert_allclose(scans.points[scans.scan == 4], moved(points, robot(1.1)), rtol=0, atol=1e-3)
+
+
 def wall_m(points):
     """The mean distance of returns to the nearest wall of a room of 16 x 12 m, none more than 0.5, where the room lies as fits them best:
     the map's frame is that of a first scan that nothing turns back."""

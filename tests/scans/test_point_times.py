@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hilbertvae.scans.bag_messages import LASER_SCAN, POINT_CLOUD
-from hilbertvae.scans.point_times import beam_times, says_times
+from hilbertvae.scans.point_times import beam_times, says_times, usual_step_ns
 
 STAMP_NS = 1_700_000_000_123_456_789
 SWEEP_S = np.linspace(0.0, 0.1, 101)
@@ -107,3 +107,18 @@ def test_fields_that_are_none():
     assert times_of(values, name="intensity") is None
     assert times_of(values, point_step=6) is None
     assert times_of(values, data=np.zeros(7, np.uint8)) is None
+
+
+def test_a_sweep_takes_no_longer_than_two_scans():
+    values, returned = np.round(SWEEP_S * 1e9).astype("<u4"), np.ones(101, bool)
+    laser = SimpleNamespace(__msgtype__=LASER_SCAN, time_increment=0.001, ranges=np.ones(101))
+    for message in (cloud(values), laser):
+        assert np.ptp(beam_times(message, STAMP_NS, returned, 0.05e9)) == pytest.approx(1e8)
+        assert beam_times(message, STAMP_NS, returned, 0.0499e9) is None
+
+
+def test_the_usual_time_from_scan_to_scan():
+    """That of each sensor of a topic, whatever was dropped or comes a second time."""
+    lidar = [100, 200, 300, 600, 700, 800, 100, 200, 300]
+    assert usual_step_ns({"lidar": lidar}) == usual_step_ns({"left": lidar, "right": [stamp + 3 for stamp in lidar]}) == 100
+    assert usual_step_ns({}) == usual_step_ns({"lidar": [5]}) == usual_step_ns({"lidar": [5, 5]}) == np.inf

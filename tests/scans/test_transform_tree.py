@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.transform_tree import PoseTrack, TransformTree
+from hilbertvae.scans.pose_track import PoseTrack
+from hilbertvae.scans.transform_tree import TransformTree
 
 
 def xyz(place):

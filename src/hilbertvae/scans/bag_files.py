@@ -11,6 +11,8 @@ from hilbertvae.checks import InputError
 
 BAG_FILES = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
+MCAP_ENDS = b"\x89MCAP0\r\n"
+"""What an MCAP file begins and ends with."""
 
 
 def is_bag(path: str | os.PathLike) -> bool:
@@ -24,10 +26,12 @@ def is_bag(path: str | os.PathLike) -> bool:
     return b"rosbag2" in (path / METADATA).read_bytes() or any(file.suffix.lower() in BAG_FILES for file in path.iterdir())
 
 
-def check_databases(path: Path) -> None:
+def check_files(path: Path) -> None:
     """An `InputError` for a .db3 of which rosbags would read another file, or a part: it hands its path to SQLite as a URI, unescaped,
-    and doesn't look at what a recorder that was cut off has left in the log beside it."""
+    and doesn't look at what a recorder that was cut off has left in the log beside it. Also for an .mcap that was cut off."""
     for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+        if file.suffix.lower() == ".mcap" and file.is_file():
+            _check_end(file)
         if file.suffix.lower() != ".db3":
             continue
         if strange := re.search(r"[?#]|%[0-9a-fA-F]{2}", str(file)):
@@ -38,3 +42,16 @@ def check_databases(path: Path) -> None:
             raise InputError(
                 f"{file}: its last messages are in {log.name} still, as a recorder that was cut off leaves them; merge: {merge}"
             )
+
+
+def _check_end(file: Path) -> None:
+    with file.open("rb") as opened:
+        begins = opened.read(len(MCAP_ENDS)) == MCAP_ENDS
+        opened.seek(max(file.stat().st_size - len(MCAP_ENDS), 0))
+        ends = opened.read() == MCAP_ENDS
+    if begins and not ends:
+        mended = shlex.quote(str(file.with_name(f"{file.stem}_mended.mcap")))
+        raise InputError(
+            f"{file}: expected an MCAP with its end, this one was cut off; what it has is saved by: mcap recover {shlex.quote(str(file))} "
+            f"-o {mended}"
+        )

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import reduce
 
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.transform_tree import PoseTrack, TransformTree
+from hilbertvae.scans.pose_track import PoseTrack
+from hilbertvae.scans.transform_tree import TransformTree
 
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 """Two names of one type: the second is that of old ROS 1 bags."""
 ODOMETRY = "nav_msgs/msg/Odometry"
 FIXED_FRAMES = ("map", "odom")
 """What REP 105 calls the fixed frames, the better one first."""
+STANDING = {*FIXED_FRAMES, "world", "earth", "camera_init"}
+"""Frames that stand still, the last one LOAM's."""
 
 
 @dataclass
@@ -35,25 +37,23 @@ class BagPoses:
     fixed_frame: the frame that poses are in; None takes the first of `FIXED_FRAMES` that a chain leads to from the sensor, of transforms
     or of odometry and transforms, and else odometry's frame. A sensor that stood still has its own frame as `fixed_frame`. odometry: the
     topic whose odometry is wanted, also where transforms say where the sensor was; None takes, where it is needed, one that transforms
-    connect to the sensor, and of several the one with most messages.
+    connect to the sensor, and of several the one with most messages. clouds: whether scans are clouds, which a SLAM may have registered:
+    put in the fixed frame of its odometry already. Where beams started, such a cloud doesn't say, and the odometry does.
     """
 
     fixed_frame: str | None = None
     odometry: str | None = None
+    clouds: bool = True
     tree: TransformTree = field(default_factory=TransformTree)
     tracks: dict[str, Odometry] = field(default_factory=dict)
     """By topic."""
     assumed: dict[str, str] = field(default_factory=dict)
     """Sensors that no transform places on the base frame, taken to be there, and that frame."""
+    registered: dict[str, str] = field(default_factory=dict)
+    """Fixed frames of odometry that clouds are in, and its topic."""
     others: dict[str, list[str]] = field(default_factory=dict)
     """By the topic whose odometry is used: those that would have done as well."""
     _by: dict[str, Odometry | None] = field(default_factory=dict)
-
-    def add_transforms(self, transforms: Iterable, static: bool) -> None:
-        """The transforms of one message; static ones hold at all times."""
-        for each in transforms:
-            stamp, move = each.header.stamp, each.transform
-            self.tree.add(each.header.frame_id, each.child_frame_id, nanoseconds(stamp), move.translation, move.rotation, static)
 
     def add_odometry(self, topic: str, message) -> None:
         """One message of a topic of odometry."""
@@ -65,7 +65,8 @@ class BagPoses:
         one.count += 1
 
     def at(self, sensor: str, stamp_ns: int) -> np.ndarray | None:
-        """(4, 4): takes points of the sensor's frame to the fixed frame; None where nothing says so for that time.
+        """(4, 4): takes points of the sensor's frame to the fixed frame; None where nothing says so for that time. Of a registered cloud
+        the sensor's frame is the odometry's base; see `as_seen`.
 
         Raises `InputError`, with the frames there are, where nothing says so at all.
         """
@@ -76,15 +77,35 @@ class BagPoses:
         if by is None:
             return self.tree.pose(self.fixed_frame, sensor, stamp_ns)
         steps = [by.track.at(stamp_ns)]
-        if sensor != by.base and sensor not in self.assumed:
+        if sensor != by.base and sensor not in self.assumed and sensor not in self.registered:
             steps.append(self.tree.pose(by.base, sensor, stamp_ns))
         if by.frame != self.fixed_frame:
             steps.insert(0, self.tree.pose(self.fixed_frame, by.frame, stamp_ns))
         return None if any(step is None for step in steps) else reduce(np.matmul, steps)
 
+    def span_ns(self, sensor: str) -> tuple[int, int] | None:
+        """From when to when there are samples of all that a sensor's poses are made of; the second is before the first where there is no
+        such time. None where all of it holds at all times."""
+        by = self._by.get(sensor.lstrip("/"))
+        ways = [(by.base, sensor), (self.fixed_frame, by.frame)] if by else [(self.fixed_frame, sensor)]
+        tracks = [track for fixed, frame in ways for track in self.tree.tracks(fixed, frame.lstrip("/"))] + ([by.track] if by else [])
+        spans = [track.span_ns for track in tracks if track.span_ns]
+        return (max(first for first, _ in spans), min(last for _, last in spans)) if spans else None
+
+    def as_seen(self, frame: str, stamp_ns: int, points: np.ndarray) -> np.ndarray:
+        """Points (N, 3) of a scan in `frame`, in the frame whose pose `at` has: a registered cloud's go back to where they were seen from,
+        and are NaN where nothing says where that was."""
+        frame = frame.lstrip("/")
+        if frame not in self.registered:
+            return points
+        pose = self.tracks[self.registered[frame]].track.at(stamp_ns)
+        return np.full_like(points, np.nan) if pose is None else (points - pose[:3, 3]) @ pose[:3, :3]
+
     def _choose(self, sensor: str) -> Odometry | None:
         """The odometry whose a sensor's poses are, or None where they are the transforms'; settles `fixed_frame` for all sensors."""
         wanted = (self.fixed_frame.lstrip("/"),) if self.fixed_frame else FIXED_FRAMES
+        if found := self._registering(sensor, wanted):
+            return found
         for fixed in wanted:
             if not self.odometry and self.tree.connects(fixed, sensor) and (fixed != sensor or self.fixed_frame):
                 self.fixed_frame = fixed
@@ -102,6 +123,19 @@ class BagPoses:
                 "for clouds, reading.poses=kiss_icp finds the way"
             )
         return self._of(self.tracks, sensor)
+
+    def _registering(self, frame: str, wanted: tuple[str, ...]) -> Odometry | None:
+        """The odometry in whose fixed frame clouds are, if they are in one, and no sensor's."""
+        if not self.clouds or not (frame in STANDING or (frame and frame not in self.tree.frames)):
+            return None
+        placed = {topic: one for topic, one in self.tracks.items() if one.frame == frame != one.base}
+        fixed = next((name for name in wanted if self.tree.connects(name, frame)), None if self.fixed_frame else frame)
+        if not placed or fixed is None:
+            return None
+        found = self._of(placed, frame, fixed)
+        self.assumed.pop(frame, None)
+        self.registered[frame] = next(topic for topic, one in placed.items() if one is found)
+        return found
 
     def _linked(self, tracks: dict[str, Odometry], sensor: str) -> dict[str, Odometry]:
         """Those whose base a sensor is, or is connected to."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -15,21 +14,19 @@ import numpy as np
 from hilbertvae.checks import InputError, extra_module
 from hilbertvae.progress import track
 from hilbertvae.scans.bag_chunks import bounded_unpacking
-from hilbertvae.scans.bag_files import check_databases
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
-from hilbertvae.scans.bag_poses import FIXED_FRAMES, ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
+from hilbertvae.scans.bag_poses import STANDING, BagPoses
 from hilbertvae.scans.beam_lengths import ClippedCheck, beam_lengths, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.deskewing import deskewed_along
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, named, reading
+from hilbertvae.scans.frame_chains import MOST_NAMED
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
-from hilbertvae.scans.point_times import SWEEP_S, beam_times, says_times
+from hilbertvae.scans.opened_bag import OpenedBag, opened_bag
+from hilbertvae.scans.point_times import LONGEST_SWEEP, SWEEP_S, beam_times, says_times
 from hilbertvae.scans.poses import MOST_TILT_DEG, leans
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
-
-FIXED = {*FIXED_FRAMES, "world", "earth", "camera_init"}
-"""Frames that stand still, the last one LOAM's."""
 
 
 def read_bag(
@@ -52,9 +49,9 @@ def read_bag(
     clouds that were, but still say so. beam_origin and ranges are as in `read_scan_folder`; `every` keeps each so many-th message. Scans
     are numbered from 0, beams by their place in the message.
 
-    The bag is read twice, transforms and then scans, a chunk at a time: memory grows with the returns that are kept. Messages have the
-    types that ROS defines, whatever definitions the bag brings along. Raises `InputError` for files that are missing or damaged, and
-    where there are no scans or no poses, with the topics or frames that are there.
+    The bag is read twice, transforms and then scans (and before, the first of these), a chunk at a time: memory grows with the returns
+    that are kept. Messages have the types that ROS defines, whatever definitions the bag brings along. Raises `InputError` for files that
+    are missing or damaged, and where there are no scans or no poses, with the topics or frames that are there.
     """
     path = Path(path)
     check_reading(min_range_m, max_range_m, every)
@@ -64,62 +61,66 @@ def read_bag(
     if poses is not None and odometry is not None:
         raise InputError(f"reading.odometry: with reading.poses={poses} none is read; leave one of them unset")
     extra_module("bags", "rosbags")
-    with reading(path, "a ROS bag"), bounded_unpacking(path), _opened(path) as bag:
+    with reading(path, "a ROS bag"), bounded_unpacking(path), opened_bag(path) as bag:
         chosen = bag.scan_topic(topic)
         is_flat = bag.types[chosen] == LASER_SCAN
         for name, setting, neutral in (("poses", poses, None), ("beam_origin", beam_origin, "centre")):
             if is_flat and setting != neutral:
                 raise InputError(f"reading.{name}: {chosen} of {path} are planar laser scans, where this has no meaning; leave it unset")
-        finder = bag.poses(fixed_frame, odometry) if poses is None else None
+        finder = bag.poses(chosen, fixed_frame, odometry) if poses is None else None
         beam_origins, kiss, clipped = find_beam_origins(beam_origin), KissOdometry(), ClippedCheck(max_range_m)
         found, seen, tilted, untimed, unturned = ScanCollector(min_range_m, max_range_m), 0, 0, 0, 0
-        frames, poses_seen = set(), set()
+        frames, poses_seen, unposed_ns = set(), set(), defaultdict(list)
+        step_ns = bag.step_ns(chosen) if deskew else np.inf
         # Odometry goes from scan to scan, so it sees those too that are left out.
         for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
+            frame = message.header.frame_id.lstrip("/")
             with named(f"{path}, a message of {chosen}"):
                 cloud = without_zeros(READERS[message.__msgtype__](message))
-            if is_flat:
-                clipped.see(np.linalg.norm(cloud, axis=1))
-            start = beam_origins(cloud)
-            lengths = beam_lengths(cloud, start)
-            lengths = lengths.round(6) if is_flat else lengths  # as ranges are: rounding carries some of a limit's length below it
-            kept = found.within(lengths)
-            times = beam_times(message, stamp_ns, np.isfinite(lengths)) if deskew else None
             with named(str(path)):
-                if finder:
-                    pose = finder.at(message.header.frame_id, stamp_ns)
-                else:
+                pose = finder.at(frame, stamp_ns) if finder else None
+            cloud = finder.as_seen(frame, stamp_ns, cloud) if finder else cloud
+            start = beam_origins(cloud)
+            lengths = beam_lengths(cloud, start).round(4)  # as ranges are: float32 carries some of a limit's length below it
+            clipped.see(lengths)
+            kept = found.within(lengths)
+            turns = deskew and not (finder and frame in finder.registered)  # a SLAM has turned their beams back already
+            times = beam_times(message, stamp_ns, np.isfinite(lengths), step_ns) if turns else None
+            if not finder:
+                with named(str(path)):
                     cloud, start = kiss.deskewed(cloud, start, times, stamp_ns)
                     pose = kiss.register(cloud[kept])
             if index % every:
                 continue
             seen += 1
-            untimed += deskew and times is None and len(kept) > 0 and says_times(message)
+            untimed += turns and times is None and len(kept) > 0 and says_times(message)
             if pose is None:
+                unposed_ns[frame].append(stamp_ns)
                 continue
             if is_flat and leans(pose):
                 tilted += 1
                 continue
-            frames.add(message.header.frame_id.lstrip("/"))
+            frames.add(frame)
             poses_seen.add(tuple(np.round(pose[:3], 3).flat))
             if finder and times is not None and np.ptp(times):
-                back = deskewed_along(cloud, start, stamp_ns + times, partial(finder.at, message.header.frame_id), pose)
+                back = deskewed_along(cloud, start, stamp_ns + times, partial(finder.at, frame), pose)
                 unturned += back is None
                 cloud, start = back or (cloud, start)
             found.add(cloud, start, kept, pose, DIMENSIONS[bag.types[chosen]])
     found.warn(path)
     kiss.warn(path)
     clipped.warn(path)
-    _warn(path, chosen, finder, len(found), seen, tilted, untimed, unturned)
+    _warn(path, chosen, finder, unposed_ns, len(found), seen, tilted, untimed, unturned)
     if finder:
-        _warn_of_fixed_clouds(path, chosen, frames, len(poses_seen), len(found), bag)
+        _warn_of_fixed_clouds(path, chosen, frames - finder.registered.keys(), len(poses_seen), len(found), bag)
     return found.whole(path, seen, f" on {chosen}")
 
 
-def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, found: int, bag: _Bag) -> None:
-    """Clouds that a SLAM has put in its own fixed frame carry no place of the sensor: all of their beams would start at one."""
-    stands = sorted(frames & FIXED)
-    if stands or (poses == 1 and found >= 5):
+def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, found: int, bag: OpenedBag) -> None:
+    """Clouds that a SLAM has put in its own fixed frame carry no place of the sensor: all of their beams would start at one, where no
+    odometry has that frame."""
+    stands = sorted(frames & STANDING)
+    if stands or (frames and poses == 1 and found >= 5):
         others = ", ".join(name for name in bag.scan_topics() if name != topic) or "none"
         said = f"are in the frame {stands[0]}, which stands still" if stands else f"come from one place, all {found} of them"
         warnings.warn(
@@ -129,114 +130,50 @@ def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, 
         )
 
 
-def _warn(path: Path, topic: str, finder: BagPoses | None, found: int, seen: int, tilted: int, untimed: int, unturned: int) -> None:
+def _warn(
+    path: Path,
+    topic: str,
+    finder: BagPoses | None,
+    unposed_ns: dict[str, list[int]],
+    found: int,
+    seen: int,
+    tilted: int,
+    untimed: int,
+    unturned: int,
+) -> None:
     """One warning for what of the poses is doubtful; an `InputError` where no scan has one."""
     if finder and seen and not found:
-        raise InputError(
-            f"{path}: expected poses for the scans of {topic}, got none of {seen}: transforms in {finder.fixed_frame} don't cover their "
-            f"times, or the laser leans more than {MOST_TILT_DEG:.0f} degrees"
-        )
+        why = [f"transforms in {finder.fixed_frame} don't cover their times{_times(finder, unposed_ns)}"] if tilted < seen else []
+        why += [f"in {tilted} the laser leans more than {MOST_TILT_DEG:.0f} degrees"] if tilted else []
+        raise InputError(f"{path}: expected poses for the scans of {topic}, got none of {seen}: {'; '.join(why)}")
     unposed = seen - found - tilted
     doubts = [f"{unposed} of {seen} scans of {topic} have no pose at their time and are left out"] if unposed else []
     doubts += [f"in {tilted} of {seen} the laser leans more than {MOST_TILT_DEG:.0f} degrees; they are left out"] if tilted else []
     if untimed:
         doubts.append(
-            f"the times of points in {untimed} of {seen} scans make no sweep of {SWEEP_S[0]:g} to {SWEEP_S[1]:g} s around its message's; "
-            "these are taken as they are"
+            f"the times of points in {untimed} of {seen} scans make no sweep of {SWEEP_S[0]:g} to {SWEEP_S[1]:g} s around its message's, "
+            f"or one more than {LONGEST_SWEEP:g} times as long as the time from scan to scan; these are taken as they are"
         )
     if unturned:
         doubts.append(f"transforms don't cover the whole sweep of {unturned} of {seen} scans; these are taken as if measured at once")
     assumed = sorted(finder.assumed.items()) if finder else []
     doubts += [f"no transform says where {name} is on {base or 'the robot'}; taken to be its origin" for name, base in assumed]
+    for frame, used in sorted(finder.registered.items()) if finder else ():
+        base = finder.tracks[used].base or "the robot"
+        doubts.append(f"scans in {frame} are where {used} has its poses: they stay there, and their beams start where it has {base}")
+    for frame, sources in sorted(finder.tree.passed_over.items()) if finder else ():
+        doubts.append(f"transforms of {frame} are those of {sources.kept}; passed over are other ones in {', '.join(sources.others)}")
     for used, others in (finder.others if finder else {}).items():
         doubts.append(f"poses are those of {used}, which has most messages. Set reading.odometry for another: {', '.join(others)}")
     if doubts:
         warnings.warn(f"{path}: {'; '.join(doubts)}", stacklevel=3)
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[_Bag]:
-    check_databases(path)
-    is_ros1 = path.suffix.lower() == ".bag" and not path.is_dir()
-    module = extra_module("bags", "rosbags.rosbag1" if is_ros1 else "rosbags.rosbag2")
-    with module.Reader(path) as reader:
-        yield _Bag(path, reader, is_ros1)
-
-
-@dataclass
-class _Bag:
-    path: Path
-    reader: object
-    is_ros1: bool
-
-    def __post_init__(self):
-        typesys = extra_module("bags", "rosbags.typesys")
-        # Never the definitions in the file: rosbags makes code of them.
-        store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if self.is_ros1 else typesys.Stores.ROS2_HUMBLE)
-        if self.is_ros1:  # rosbags has no tf2_msgs among its ROS 1 types
-            store.register(typesys.get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS[0]))
-        self._parse = store.deserialize_ros1 if self.is_ros1 else store.deserialize_cdr
-        self.types = {connection.topic: connection.msgtype for connection in self.reader.connections}
-        self.counts = dict.fromkeys(self.types, 0)
-        for connection in self.reader.connections:
-            self.counts[connection.topic] += int(connection.msgcount)
-
-    def scan_topics(self) -> list[str]:
-        """The topics of scans, by name."""
-        return sorted(name for name, kind in self.types.items() if kind in DIMENSIONS)
-
-    def scan_topic(self, wanted: str | None) -> str:
-        """The topic of scans that is asked for, else the one with most messages; then warns of others with half as many and more, and of
-        all of the other type, which make a map of another dimension."""
-        topics = {name: self.counts[name] for name in self.scan_topics() if self.counts[name] or name == wanted}
-        if wanted is not None and wanted not in topics:
-            wanted = next((name for name in topics if name.lstrip("/") == wanted.lstrip("/")), wanted)
-        if not topics or (wanted is not None and wanted not in topics):
-            found = ", ".join(f"{name} ({self.types[name]}, {count})" for name, count in sorted(self.counts.items())) or "none"
-            asked = f"the topic {wanted}, of " if wanted is not None else ""
-            raise InputError(f"{self.path}: expected {asked}sensor_msgs/LaserScan or sensor_msgs/PointCloud2, found topics {found}")
-        if wanted is not None:
-            return wanted
-        chosen = max(sorted(topics), key=topics.get)
-        alike = [name for name, count in topics.items() if self.types[name] == self.types[chosen] and 2 * count >= topics[chosen]]
-        others = [f"{name} ({topics[name]})" for name in alike if name != chosen]
-        unlike = [name for name in topics if self.types[name] != self.types[chosen]]
-        others += [f"{name} ({topics[name]}, for a map in {DIMENSIONS[self.types[name]]}D)" for name in unlike]
-        if others:
-            warnings.warn(
-                f"{self.path}: read are the {topics[chosen]} scans of {chosen} alone. Set reading.topic for another; other topics of "
-                f"scans: {', '.join(others)}",
-                stacklevel=3,
-            )
-        return chosen
-
-    def poses(self, fixed_frame: str | None, odometry: str | None = None) -> BagPoses:
-        """The transforms of the bag, and its odometry; of that the wanted topic alone, if there is one."""
-        odometries = {name for name, count in self.counts.items() if self.types[name] == ODOMETRY and count}
-        if odometry is not None:
-            if not (named := {name for name in odometries if name.lstrip("/") == odometry.lstrip("/")}):
-                there = ", ".join(sorted(odometries)) or "none"
-                raise InputError(f"{self.path}: reading.odometry: expected a topic of nav_msgs/Odometry, got {odometry}; found {there}")
-            odometries = named
-        found = BagPoses(fixed_frame, odometry)
-        used = {name for name, kind in self.types.items() if kind in TRANSFORMS} | odometries
-        for topic, _, message in self._messages(used):
-            if self.types[topic] == ODOMETRY:
-                found.add_odometry(topic, message)
-            else:
-                found.add_transforms(message.transforms, topic.endswith("tf_static"))
-        return found
-
-    def scans(self, topic: str, every: int = 1) -> Iterator[tuple[int, int, object]]:
-        """Each so many-th message of scans: its place, its time (that of the recording where it has none), and the message."""
-        for index, (_, recorded_ns, message) in enumerate(self._messages({topic}, every)):
-            yield index * every, nanoseconds(message.header.stamp) or recorded_ns, message
-
-    def _messages(self, topics: set[str], every: int = 1) -> Iterator[tuple[str, int, object]]:
-        connections = [connection for connection in self.reader.connections if connection.topic in topics]
-        if not connections:
-            return
-        for index, (connection, recorded_ns, data) in enumerate(self.reader.messages(connections)):
-            if index % every == 0:
-                kind = TRANSFORMS[0] if connection.msgtype in TRANSFORMS else connection.msgtype
-                yield connection.topic, recorded_ns, self._parse(data, kind)
+def _times(finder: BagPoses, stamps_ns: dict[str, list[int]]) -> str:
+    """Of each frame, when its scans were and when there are poses: a lidar's clock may count since it was switched on."""
+    said = []
+    for frame, stamps in list(stamps_ns.items())[:MOST_NAMED]:
+        scanned, span = f"scans in {frame} are of {min(stamps) / 1e9:.3f} to {max(stamps) / 1e9:.3f} s", finder.span_ns(frame)
+        between = f"{span[0] / 1e9:.3f} to {span[1] / 1e9:.3f} s" if span and span[0] <= span[1] else "no time that all of them have"
+        said.append(f"{scanned}, transforms of {between}")
+    return f": {'; '.join(said)}. For clouds, reading.poses=kiss_icp finds the way"

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.deskewing import Beams, deskewed
+from hilbertvae.scans.point_times import LONGEST_SWEEP
 
 KISS_ICP = "kiss_icp"
 FINDING = "Finding poses by KISS-ICP"
@@ -30,9 +31,6 @@ COLUMN_M, LEVEL_M = 0.5, 0.2
 """Side of the columns in which points stand, and how far from a column's lowest and highest point its floor and ceiling reach."""
 FEWEST = 100
 """Points that stand, from which on they tell a motion by themselves."""
-
-LONGEST_SWEEP = 2.0
-"""In times from scan to scan. If beams are farther from their message's time, then one of the two times is wrong."""
 
 
 def check_poses_choice(poses: str | None) -> None:
@@ -65,6 +63,7 @@ class KissOdometry:
         that is known before a scan is registered. times_ns: (N,), when each beam was measured, after `stamp_ns`."""
         took_ns, self._took_ns = self._took_ns, 0 if self._stamp_ns is None else stamp_ns - self._stamp_ns
         self._stamp_ns = stamp_ns
+        # Beams of before or after as long a time as a sweep may take are too far from the motion that is known.
         if times_ns is None or not self.fits or took_ns <= 0 or np.abs(times_ns).max(initial=0) > LONGEST_SWEEP * took_ns:
             return points, starts
         return deskewed(points, starts, times_ns / took_ns, self._kiss.last_delta)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from hilbertvae.checks import InputError
@@ -12,26 +14,33 @@ FIELDS = ("t", "time", "timestamp", "time_stamp", "offset_time", "time_offset", 
 `offset_time`."""
 SWEEP_S = (0.002, 1.0)
 """Lasers turn 5 to 50 times a second. No two of the units fit one sweep, since they are a factor of 1000 apart."""
+LONGEST_SWEEP = 2.0
+"""In times from one message to the next. Times that make a longer one are in no unit of time: shares of the sweep, from 0 to 1, look like
+seconds."""
 NANOSECONDS = (10**9, 10**6, 10**3, 1)
 """Those of a second, a milli-, a micro- and a nanosecond."""
 YEAR_NS = 365 * 24 * 3600 * 10**9
 """Times since this and more ago are clocks' and no offsets."""
 
 
-def beam_times(message, stamp_ns: int, returned: np.ndarray) -> np.ndarray | None:
+def beam_times(message, stamp_ns: int, returned: np.ndarray, step_ns: float = np.inf) -> np.ndarray | None:
     """(N,) int64 nanoseconds from a message's time to each of its beams'; None where it does not say, or nonsense.
 
     Of a `LaserScan` its `time_increment` says it. Of a `PointCloud2` a field of `FIELDS` does, in the unit in which the sweep takes a time
     that a sweep may take, from the message's time or by the clock. returned: (N,) bool; the times of beams without a return don't matter.
+    step_ns: the usual time from one message to the next; see `LONGEST_SWEEP`.
     """
-    if message.__msgtype__ == LASER_SCAN:
-        return _times_of_laser(message)
-    name = time_field(message)
-    try:
-        values = None if name is None else read_column(message, name)
-    except InputError:  # of a cloud whose points are sound
-        return None
-    return None if values is None or not returned.any() else _offsets(values, returned, stamp_ns)
+    laser = message.__msgtype__ == LASER_SCAN
+    times = _times_of_laser(message) if laser else _times_of_cloud(message, stamp_ns, returned)
+    return times if times is None or np.ptp(times) <= LONGEST_SWEEP * step_ns else None
+
+
+def usual_step_ns(stamps_ns: Mapping[str, Sequence[int]]) -> float:
+    """The median time from one message to the next, by the `stamps_ns` of each frame that a topic has sensors in; inf where there are no
+    two."""
+    steps = np.concatenate([np.empty(0), *(np.diff(np.array(stamps, np.float64)) for stamps in stamps_ns.values())])
+    steps = steps[steps > 0]  # bags may be played twice
+    return float(np.median(steps)) if len(steps) else np.inf
 
 
 def says_times(message) -> bool:
@@ -44,6 +53,15 @@ def says_times(message) -> bool:
 def time_field(message) -> str | None:
     """The field of a `PointCloud2` that is said to be a time; None of one that has none."""
     return next((field.name for field in message.fields if field.name.lower() in FIELDS), None)
+
+
+def _times_of_cloud(message, stamp_ns: int, returned: np.ndarray) -> np.ndarray | None:
+    name = time_field(message)
+    try:
+        values = None if name is None else read_column(message, name)
+    except InputError:  # of a cloud whose points are sound
+        return None
+    return None if values is None or not returned.any() else _offsets(values, returned, stamp_ns)
 
 
 def _times_of_laser(message) -> np.ndarray | None:

@@ -1,0 +1,120 @@
+"""A ROS bag that is open: its topics, which of them are scans, and the messages of one or several, in the order of the bag."""
+
+from __future__ import annotations
+
+import warnings
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from hilbertvae.checks import InputError, extra_module
+from hilbertvae.scans.bag_files import check_files
+from hilbertvae.scans.bag_messages import DIMENSIONS, POINT_CLOUD
+from hilbertvae.scans.bag_poses import ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
+from hilbertvae.scans.point_times import usual_step_ns
+from hilbertvae.scans.transform_topics import TransformTopics
+
+FIRST = 50
+"""Messages, of a few seconds: they tell how often a sensor scans, whatever pauses it makes later."""
+
+
+@contextmanager
+def opened_bag(path: Path) -> Iterator[OpenedBag]:
+    """The bag at a path, for as long as the block runs; an `InputError` for one that can't be read whole."""
+    check_files(path)
+    is_ros1 = path.suffix.lower() == ".bag" and not path.is_dir()
+    module = extra_module("bags", "rosbags.rosbag1" if is_ros1 else "rosbags.rosbag2")
+    with module.Reader(path) as reader:
+        yield OpenedBag(path, reader, is_ros1)
+
+
+@dataclass
+class OpenedBag:
+    """The topics of a bag and what they say; `reader` is rosbags' own."""
+
+    path: Path
+    reader: object
+    is_ros1: bool
+
+    def __post_init__(self):
+        typesys = extra_module("bags", "rosbags.typesys")
+        # Never the definitions in the file: rosbags makes code of them.
+        store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if self.is_ros1 else typesys.Stores.ROS2_HUMBLE)
+        if self.is_ros1:  # rosbags has no tf2_msgs among its ROS 1 types
+            store.register(typesys.get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS[0]))
+        self._parse = store.deserialize_ros1 if self.is_ros1 else store.deserialize_cdr
+        self.types = {connection.topic: connection.msgtype for connection in self.reader.connections}
+        self.counts = dict.fromkeys(self.types, 0)
+        for connection in self.reader.connections:
+            self.counts[connection.topic] += int(connection.msgcount)
+
+    def scan_topics(self) -> list[str]:
+        """The topics of scans, by name."""
+        return sorted(name for name, kind in self.types.items() if kind in DIMENSIONS)
+
+    def scan_topic(self, wanted: str | None) -> str:
+        """The topic of scans that is asked for, else the one with most messages; then warns of all others: a depth camera's may come three
+        times as often as a lidar's. Those of the other type make a map of another dimension."""
+        topics = {name: self.counts[name] for name in self.scan_topics() if self.counts[name] or name == wanted}
+        if wanted is not None and wanted not in topics:
+            wanted = next((name for name in topics if name.lstrip("/") == wanted.lstrip("/")), wanted)
+        if not topics or (wanted is not None and wanted not in topics):
+            found = ", ".join(f"{name} ({self.types[name]}, {count})" for name, count in sorted(self.counts.items())) or "none"
+            asked = f"the topic {wanted}, of " if wanted is not None else ""
+            raise InputError(f"{self.path}: expected {asked}sensor_msgs/LaserScan or sensor_msgs/PointCloud2, found topics {found}")
+        if wanted is not None:
+            return wanted
+        chosen = max(sorted(topics), key=topics.get)
+        others = [f"{name} ({topics[name]})" for name in topics if self.types[name] == self.types[chosen] and name != chosen]
+        unlike = [name for name in topics if self.types[name] != self.types[chosen]]
+        others += [f"{name} ({topics[name]}, for a map in {DIMENSIONS[self.types[name]]}D)" for name in unlike]
+        if others:
+            warnings.warn(
+                f"{self.path}: read are the {topics[chosen]} scans of {chosen} alone. Set reading.topic for another; other topics of "
+                f"scans: {', '.join(others)}",
+                stacklevel=3,
+            )
+        return chosen
+
+    def poses(self, scan_topic: str, fixed_frame: str | None, odometry: str | None = None) -> BagPoses:
+        """The transforms of the bag, as they are for the scans of a topic (see `TransformTopics.tree`), and its odometry; of that the
+        wanted topic alone, if there is one."""
+        odometries = {name for name, count in self.counts.items() if self.types[name] == ODOMETRY and count}
+        if odometry is not None:
+            if not (named := {name for name in odometries if name.lstrip("/") == odometry.lstrip("/")}):
+                there = ", ".join(sorted(odometries)) or "none"
+                raise InputError(f"{self.path}: reading.odometry: expected a topic of nav_msgs/Odometry, got {odometry}; found {there}")
+            odometries = named
+        found, transforms = BagPoses(fixed_frame, odometry, self.types[scan_topic] == POINT_CLOUD), TransformTopics()
+        used = {name for name, kind in self.types.items() if kind in TRANSFORMS} | odometries
+        for topic, _, message in self._messages(used):
+            if self.types[topic] == ODOMETRY:
+                found.add_odometry(topic, message)
+            else:
+                transforms.add(topic, message.transforms)
+        found.tree = transforms.tree(scan_topic)
+        return found
+
+    def scans(self, topic: str, every: int = 1) -> Iterator[tuple[int, int, object]]:
+        """Each so many-th message of scans: its place, its time (that of the recording where it has none), and the message."""
+        for index, (_, recorded_ns, message) in enumerate(self._messages({topic}, every)):
+            yield index * every, nanoseconds(message.header.stamp) or recorded_ns, message
+
+    def step_ns(self, topic: str) -> float:
+        """The usual time from one message of scans to the next, by the first `FIRST` of them."""
+        stamps = defaultdict(list)
+        for _, stamp_ns, message in islice(self.scans(topic), FIRST):
+            stamps[message.header.frame_id].append(stamp_ns)
+        return usual_step_ns(stamps)
+
+    def _messages(self, topics: set[str], every: int = 1) -> Iterator[tuple[str, int, object]]:
+        connections = [connection for connection in self.reader.connections if connection.topic in topics]
+        if not connections:
+            return
+        for index, (connection, recorded_ns, data) in enumerate(self.reader.messages(connections)):
+            if index % every == 0:
+                kind = TRANSFORMS[0] if connection.msgtype in TRANSFORMS else connection.msgtype
+                yield connection.topic, recorded_ns, self._parse(data, kind)
