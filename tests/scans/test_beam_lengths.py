@@ -1,12 +1,15 @@
+import os
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
-from point_writers import POINTS, random_poses, write_drive, write_text
+from point_writers import POINTS, random_poses, write_drive, write_npz, write_text
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.beam_lengths import ClippedCheck, UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
+from hilbertvae.scans.velodyne import read_velodyne
 from toy_rooms import carmen_line, write_log
 
 
@@ -136,6 +139,64 @@ def test_ranges_that_a_lidar_rounds_are_no_code():
     with np.errstate(divide="ignore"):
         ranges = (np.array([[4.0], [3], [1]]) / beams).min(axis=0)
     assert not clipped(ranges) and not clipped(ranges.round(2)) and not clipped(ranges.round(1))
+
+
+def test_a_code_is_seen_though_a_wall_has_more_of_one_range():
+    """The mode of ranges is then none of a code."""
+    (said,) = clipped([*np.linspace(1, 3.9, 60), *[2.5] * 60, *[4.0] * 40])
+    assert "25 % of all ranges are the largest, 4.0 m" in said
+
+
+def corridor(code_m, seed, count=360):
+    """(count, 2): a planar scan's ends on walls 60 m long, where beams of `code_m` and more came back with that."""
+    azimuth = np.random.default_rng(seed).uniform(-np.pi, np.pi, count)
+    along = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    return along * np.minimum(np.min([30, 3] / np.abs(along), axis=1), code_m)[:, None]
+
+
+@pytest.mark.parametrize("digits", [2, 3, 9])
+@pytest.mark.parametrize("kind", ["folder", "file", "sweeps"])
+def test_codes_in_clouds_are_told_however_they_are_rounded(tmp_path, kind, digits):
+    clouds = [corridor(12.0, seed).round(digits) for seed in range(20)]
+    path, given = tmp_path / "a.npz", {}
+    if kind == "folder":
+        path = write_drive(tmp_path, clouds, np.tile(np.eye(3, 4), (20, 1, 1)), "{:06d}.txt", write_text)
+    elif kind == "file":
+        write_npz(path, np.concatenate(clouds))
+        given = {"sensor_origin_m": [0.0, 0.0]}
+    else:
+        write_npz(path, np.concatenate(clouds) + [5e5, 5e6], origins=np.tile([5e5, 5e6], (20, 1)), scan=np.repeat(np.arange(20), 360))
+    with pytest.warns(UserWarning, match="16 % of all ranges are the largest, 12.0 m: .*max_range_m=11.985 to drop them") as found:
+        read_scans_path(path, ReadingSettings(**given))
+    assert len(found) == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scans = read_scans_path(path, ReadingSettings(max_range_m=11.985, **given))
+    assert len(scans) > 5000 and np.linalg.norm(scans.points - scans.origins, axis=1).max() < 11.985
+
+
+@pytest.mark.parametrize("fan_deg", [180, 270, 360])
+@pytest.mark.parametrize("far_m", [5, 10, 20, 30])
+def test_the_end_of_a_corridor_is_no_code(tmp_path, fan_deg, far_m):
+    azimuth = np.deg2rad(np.arange(-fan_deg / 2, fan_deg / 2, 0.25))
+    along = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    ends = (along * np.min([far_m, 1] / np.maximum(np.abs(along), 1e-9), axis=1)[:, None]).round(2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_scans_path(write_text(tmp_path / "a.xyz", ends), ReadingSettings(sensor_origin_m=[0, 0]))
+
+
+def test_real_clouds_have_no_code(tmp_path):
+    files = sorted(Path(os.environ.get("HILBERTVAE_DATA", tmp_path)).glob("3d/*/velodyne/*.bin"))
+    if not files:
+        pytest.skip("no real scans here; set HILBERTVAE_DATA to a folder that has them")
+    for path in files:
+        for digits in (2, 9):
+            check = ClippedCheck(80.0, of_points=True)
+            check.see(np.linalg.norm(read_velodyne(path).points.round(digits), axis=1))
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                check.warn(path)
 
 
 def test_all_ranges_of_no_return_are_told_as_such():

@@ -1,10 +1,12 @@
 import io
 import struct
+import warnings
 
 import numpy as np
 import pytest
 from point_writers import POINTS, write_las
 
+from hilbertvae.checks import InputError
 from hilbertvae.scans.las import read_las
 from hilbertvae.scans.las_units import EXTENDED_HEAD, metres_per_unit, system_records
 
@@ -52,7 +54,51 @@ def wkt(text):
 )
 def test_what_records_say(records, expected):
     found = system_records(io.BytesIO(b"".join(records)), 0, len(records))
-    np.testing.assert_allclose(metres_per_unit(found), expected, rtol=1e-12)
+    np.testing.assert_allclose(metres_per_unit(found, "a.las"), expected, rtol=1e-12)
+
+
+GEOGRAPHIC = [
+    [geo_keys((1024, 0, 1, 2), (2048, 0, 1, 4326))],
+    [wkt(DEGREES)],
+    [wkt(f'COMPD_CS["c",{DEGREES},VERT_CS["v",{US}]]')],
+    [wkt('GEOGCRS["WGS 84, no PROJCRS[",CS[ellipsoidal,2],ANGLEUNIT["degree",0.0174532925199433]]')],
+    [geo_keys((1024, 0, 1, 1), (3072, 0, 1, 32632)), wkt(DEGREES)],
+]
+PLANE = [
+    [geo_keys((1024, 0, 1, 1))],
+    [geo_keys((1024, 0, 1, 2)), wkt(f'PROJCS["p",{DEGREES},UNIT["metre",1]]')],
+    [wkt('PROJCRS["p",BASEGEOGCRS["b",DATUM["d"]],CS[Cartesian,2],LENGTHUNIT["metre",1]]')],
+    [wkt('LOCAL_CS["of a site, once GEOGCS[",UNIT["metre",1]]')],
+]
+
+
+@pytest.mark.parametrize("records", GEOGRAPHIC)
+def test_degrees_are_refused(records):
+    found = system_records(io.BytesIO(b"".join(records)), 0, len(records))
+    with pytest.raises(InputError, match="a.las: its coordinates are degrees, as its header says, .* project them first"):
+        metres_per_unit(found, "a.las")
+
+
+@pytest.mark.parametrize("records", PLANE)
+def test_metres_of_a_plane_are_not(records):
+    found = system_records(io.BytesIO(b"".join(records)), 0, len(records))
+    np.testing.assert_array_equal(metres_per_unit(found, "a.las"), [1, 1, 1])
+
+
+@pytest.mark.parametrize("code", [2225, 2263, 6543])
+def test_a_code_that_may_be_of_feet_is_told_of(code):
+    records = [geo_keys((1024, 0, 1, 1), (3072, 0, 1, code))]
+    with pytest.warns(UserWarning, match=rf"a.las: its header has EPSG's code {code} and no unit; metres are taken. If .* key 3076: 9002"):
+        np.testing.assert_array_equal(metres_per_unit(system_records(io.BytesIO(b"".join(records)), 0, 1), "a.las"), [1, 1, 1])
+
+
+@pytest.mark.parametrize(
+    "keys", [[(3072, 0, 1, code)] for code in (0, 32767, 25832, 26918, 32633, 32733)] + [[(3072, 0, 1, 2225), (3076, 0, 1, 9001)]]
+)
+def test_a_code_of_utm_or_one_with_its_unit_is_not(keys):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        metres_per_unit(system_records(io.BytesIO(geo_keys(*keys)), 0, 1), "a.las")
 
 
 @pytest.mark.parametrize("name", ["new.las", "new.laz"])
@@ -67,16 +113,27 @@ def test_records_behind_the_points_say_it_too(tmp_path, name, length):
         np.testing.assert_allclose(read_las(path).points, 0.3048006096012192 * POINTS, atol=1e-3)
 
 
-@pytest.mark.parametrize("name", ["a.las", "a.laz"])
-def test_feet_become_metres_with_a_warning(tmp_path, name):
+def written_with(path, *keys):
     laspy = pytest.importorskip("laspy")
-    path = write_las(tmp_path / name)
-    with laspy.open(path) as opened:
+    with laspy.open(write_las(path)) as opened:
         header, packed = opened.header, opened.read()
-    header.vlrs.append(laspy.VLR("LASF_Projection", 34735, record_data=geo_keys((3076, 0, 1, 9003))[54:]))
+    header.vlrs.append(laspy.VLR("LASF_Projection", 34735, record_data=geo_keys(*keys)[54:]))
     given = laspy.LasData(header)
     given.x, given.y, given.z = packed.x, packed.y, packed.z
     given.write(str(path))
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.las", "a.laz"])
+def test_feet_become_metres_with_a_warning(tmp_path, name):
+    path = written_with(tmp_path / name, (3076, 0, 1, 9003))
     with pytest.warns(UserWarning, match=f"{name}: its coordinates are in feet, as its header says, and are made metres"):
         points = read_las(path).points
     np.testing.assert_allclose(points, POINTS * US_FOOT, atol=0.001)
+
+
+@pytest.mark.parametrize("name", ["a.las", "a.laz"])
+def test_a_file_in_degrees_is_refused(tmp_path, name):
+    path = written_with(tmp_path / name, (1024, 0, 1, 2))
+    with pytest.raises(InputError, match=f"{name}: its coordinates are degrees"):
+        read_las(path)

@@ -50,6 +50,14 @@ def test_a_comment_that_has_the_word_does_not_end_the_header(tmp_path):
     np.testing.assert_array_equal(read_ply(path).points, [[1, 2, 3]])
 
 
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b" "])
+def test_an_end_of_a_line_behind_binary_data(tmp_path, end):
+    for encoding in ("binary_little_endian", "binary_big_endian"):
+        path = write_ply(tmp_path / "a.ply", encoding=encoding)
+        path.write_bytes(path.read_bytes() + end)
+        np.testing.assert_array_equal(read_ply(path).points, POINTS)
+
+
 def test_carriage_returns(tmp_path):
     path = write_ply(tmp_path / "a.ply", encoding="ascii")
     path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
@@ -71,6 +79,7 @@ def test_carriage_returns(tmp_path):
         (f"ascii 1.0\nelement vertex 2\n{XYZ}", b"1 2 3\n4 a 5\n", "can't be read as a PLY file"),
         (f"ascii 1.0\nelement void 1000000000000\nelement vertex 1\n{XYZ}", b"1 2 3\n", "truncated or forged"),
         (f"binary_little_endian 1.0\nelement vertex 1\n{XYZ}", bytes(25), "take 24 bytes, 25 are there"),
+        (f"binary_little_endian 1.0\nelement vertex 1\n{XYZ}", bytes(24) + b"\n\n\n", "take 24 bytes, 27 are there"),
         (f"binary_little_endian 1.0\nelement face 1\nproperty list uchar int a\nelement vertex 1\n{XYZ}", bytes(30), "the vertices ahead"),
         (f"binary_little_endian 1.0\nelement vertex 1\n{XYZ}\nproperty list uchar int a", bytes(30), "vertices of single numbers"),
         (f"binary_little_endian 1.0\nelement vertex 1\n{XYZ}\nproperty double x", bytes(32), "can't be read as a PLY file"),

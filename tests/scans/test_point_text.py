@@ -32,7 +32,7 @@ from hilbertvae.scans.point_text import read_point_text
         ("//Intensity;X;Y;Z\n9;1;2;3\n", [[1, 2, 3]]),
         ("# t x y z\n9,1,2,3\n", [[1, 2, 3]]),
         ("# t, x, y, z,\n9,1,2,3,\n", [[1, 2, 3]]),
-        ("# z y x\n# of a room\n1 2 3\n", [[1, 2, 3]]),
+        ("# z y x\n# of a room\n1 2 3\n", [[3, 2, 1]]),
         ("# x y of rooms\n1 2 3\n", [[1, 2, 3]]),
         ("\ufeffz;y;x\n3;2;1\n", [[1, 2, 3]]),
         ("\ufeff1 2 3\n", [[1, 2, 3]]),
@@ -90,6 +90,8 @@ def test_tables(tmp_path, text, expected):
         ("x,y,z,t\n1,2,3,.1\n\n4,5,6\n", "line 4: .* the row has 3"),
         ("x y z\n1 2 3\n9 4 5 6 // c\n", "line 3: .* the row has 4"),
         ("x\ty\tz\n1\t2\t3\n9\t4\t5\t6\n", "line 3: .* the row has 4"),
+        ('"x","y","z"\n"1,5","2,5","0,3"\n', "can't be read as a text file of points .*could not convert"),
+        ('x,y,z,name\n1,2,3,"a\n4,5,6,b"\n7,8,9\n', "line 4: .* the row has 3"),
     ],
 )
 def test_bad_files_are_named(tmp_path, text, message):
@@ -99,7 +101,26 @@ def test_bad_files_are_named(tmp_path, text, message):
         read_point_text(path)
 
 
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ('"x","y","z","i"\n1.5,2.5,0.3,4\n,,,4\n2.5,3.5,0.1,4\n', [[1.5, 2.5, 0.3], [np.nan] * 3, [2.5, 3.5, 0.1]]),  # VeloView
+        ('"x","y","z"\n"1.5","2.5","0.3"\n"","",""\n"2.5","3.5","0.1"\n', [[1.5, 2.5, 0.3], [np.nan] * 3, [2.5, 3.5, 0.1]]),
+        ('"","x","y","z"\n"1",1.5,2.5,0.3\n"2",2,3,4 # a note\n', [[1.5, 2.5, 0.3], [2, 3, 4]]),  # R
+        ('"x","y","z","name"\n1,2,3,"a, b"\n4,5,6,"see http://a#b"\n', [[1, 2, 3], [4, 5, 6]]),
+        ('"name, first","x","y"\n"a",1,2\n', [[1, 2]]),
+        ('x,y,z,name\n1,2,3,"a\n4,5,6,b"\n', [[1, 2, 3], [4, 5, 6]]),  # a quote that is not closed ends with its line
+        ('"1.5";"2";"3"\n"4";"5";"6"\n', [[1.5, 2, 3], [4, 5, 6]]),
+        ('"x [m]"\t"y [m]"\t"z [m]"\n1\t2\t3\n', [[1, 2, 3]]),
+    ],
+)
+def test_fields_in_quotes(tmp_path, text, expected):
+    (tmp_path / "a.csv").write_text(text)
+    np.testing.assert_array_equal(read_point_text(tmp_path / "a.csv").points, expected)
+
+
 ROWS = ["1 2 3 4", "x y z t", "# t x y z", "//1 2 3 4", "# note", "", "   ", "nan 2 3 4", "1 2 3 4 # end", "1 2 3 4 // end", "1 2 3"]
+ROWS += ['"1" "2" 3 4', '"x" y "z" t', '1 2 3 "4', '1 2 3 "a//"']
 ROWS += ["1 2", "a 2 3 4", "1  2 3 4 ", "1 2 3 4 5", "//a 2 3 4", "   # 1"]
 
 

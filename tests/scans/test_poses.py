@@ -47,21 +47,6 @@ def test_poses_in_the_plane(tmp_path):
     np.testing.assert_array_equal(found[:, :, 3], [[1, 2, 0], [-3, 4, 0]])
 
 
-@pytest.mark.parametrize("headings", [[0, 90, 180], [359, 0, 1, 2], [-170, -178, 174], [90]])
-def test_headings_in_degrees_are_told(tmp_path, headings):
-    (tmp_path / "poses.txt").write_text("".join(f"1 2 {heading}\n" for heading in headings))
-    with pytest.warns(UserWarning, match=rf"poses.txt: headings in radians .* up to {max(headings, key=abs)}, .*are they degrees\?"):
-        assert len(read_poses(tmp_path / "poses.txt")) == len(headings)
-
-
-@pytest.mark.parametrize("headings", [np.arange(20, 40, 0.3), -np.arange(0, 700, 3), [0, 3.1, -3.1, 6.2, 0], [0, 12, -12], [0, 4000, 0]])
-def test_headings_in_radians_may_wind_up(tmp_path, headings):
-    (tmp_path / "poses.txt").write_text("".join(f"1 2 {heading}\n" for heading in headings))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        read_poses(tmp_path / "poses.txt")
-
-
 def tum(path, rotations, order):
     quaternions = rotations.as_quat()[:, order]
     rows = np.column_stack([np.arange(len(quaternions)), np.zeros((len(quaternions), 3)), quaternions])

@@ -85,6 +85,36 @@ def test_another_number_a_return(tmp_path, name):
         read_velodyne(tmp_path / "a.bin")
 
 
+@pytest.mark.parametrize("name", ["a.bin", "a.pcd.bin"])
+@pytest.mark.parametrize("width", [3, 4, 5])
+def test_float64_is_told_from_float32(tmp_path, name, width):
+    """Made of float32, of which half of each number is 0 or absurd, of more digits, and of so few that these halves are all 0."""
+    rows = np.column_stack([street(4801), RING.repeat(2)[:4801]])[:, :width]
+    rows[5:900] = 0
+    rows[1000:1500, :3] = np.nan
+    for double in (rows.astype("<f4").astype("<f8"), rows, rows.round()):
+        double.astype("<f8").tofile(tmp_path / name)
+        with pytest.raises(InputError, match=r"bin: expected float32 x, y, z.*look like float64: write them as float32 \(.astype\('<f4'\)"):
+            read_velodyne(tmp_path / name)
+
+
+def test_a_narrow_corridor_is_not_taken_for_float64(tmp_path):
+    """Its y and intensity alone could be the upper halves of such numbers."""
+    rows = np.column_stack([RNG.uniform(-30, 30, 800), RNG.choice([-1.5, 1.5], 800), RNG.uniform(-1, 2, 800), np.ones(800)])
+    rows.astype("<f4").tofile(tmp_path / "a.bin")
+    assert len(read_velodyne(tmp_path / "a.bin").points) == 800
+
+
+@pytest.mark.parametrize("order", ["as scanned", "shuffled"])
+@pytest.mark.parametrize(("name", "width"), [("a.bin", 4), ("a.pcd.bin", 5)])
+def test_coordinate_by_coordinate_is_told(tmp_path, name, width, order):
+    rows = np.column_stack([street(4800), RING])[:, :width]
+    rows = rows if order == "as scanned" else RNG.permutation(rows)
+    rows.T.astype("<f4").tofile(tmp_path / name)
+    with pytest.raises(InputError, match=rf"\(N, {width}\); it looks like all x, then all y, as \({width}, N\): write its transpose"):
+        read_velodyne(tmp_path / name)
+
+
 def random_clouds():
     """Clouds of 4 numbers in random order and in one, near and far, flat and with no-returns; of few returns, too."""
     for seed in range(60):
@@ -118,3 +148,17 @@ def test_real_scans_are_never_refused(tmp_path):
         rows = rows[: len(rows) // 15 * 15]
         rows.tofile(tmp_path / "a.bin")
         np.testing.assert_array_equal(read_velodyne(tmp_path / "a.bin").points, rows[:, :3])
+
+
+def test_real_scans_are_told_from_what_was_written_wrongly(tmp_path):
+    files = sorted(Path(os.environ.get("HILBERTVAE_DATA", tmp_path)).glob("3d/*/velodyne/*.bin"))
+    if not files:
+        pytest.skip("no real scans here; set HILBERTVAE_DATA to a folder that has them")
+    for path in files:
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+        read_velodyne(tmp_path / path.name)
+        rows = np.fromfile(path, "<f4").reshape(-1, 5 if path.name.endswith(".pcd.bin") else 4)
+        for wrong, message in ((rows.astype("<f8"), "look like float64"), (np.ascontiguousarray(rows.T), "write its transpose")):
+            wrong.tofile(tmp_path / path.name)
+            with pytest.raises(InputError, match=message):
+                read_velodyne(tmp_path / path.name)

@@ -68,7 +68,7 @@ def read_bag(
             if is_flat and setting != neutral:
                 raise InputError(f"reading.{name}: {chosen} of {path} are planar laser scans, where this has no meaning; leave it unset")
         finder = bag.poses(chosen, fixed_frame, odometry) if poses is None else None
-        beam_origins, kiss, clipped = find_beam_origins(beam_origin), KissOdometry(), ClippedCheck(max_range_m)
+        beam_origins, kiss, clipped = find_beam_origins(beam_origin), KissOdometry(), ClippedCheck(max_range_m, not is_flat)
         found, seen, tilted, untimed, unturned = ScanCollector(min_range_m, max_range_m), 0, 0, 0, 0
         frames, poses_seen, unposed_ns = set(), set(), defaultdict(list)
         step_ns = bag.step_ns(chosen) if deskew else np.inf
@@ -81,7 +81,7 @@ def read_bag(
                 pose = finder.at(frame, stamp_ns) if finder else None
             cloud = finder.as_seen(frame, stamp_ns, cloud) if finder else cloud
             start = beam_origins(cloud)
-            lengths = beam_lengths(cloud, start).round(4)  # as ranges are: float32 carries some of a limit's length below it
+            lengths = beam_lengths(cloud, start)
             clipped.see(lengths)
             kept = found.within(lengths)
             turns = deskew and not (finder and frame in finder.registered)  # a SLAM has turned their beams back already

@@ -21,6 +21,12 @@ MOST_LONGER = 0.01
 MANY_ALIKE = 0.02
 """Of all ranges. Real logs, cut at 26 to 45 m, have their largest range in fewer than one of 10 000 beams."""
 
+POINTS_APART_M = 0.01
+"""What distances of points differ by that had one range, where coordinates are kept to the centimetre."""
+MANY_POINTS, LEAST_POINTS = 0.05, 20
+"""Of all points, and of any. Within `POINTS_APART_M` of the longest lie 1 of 10 000 in real clouds, and where a planar laser looks along a
+corridor up to 300."""
+
 
 def beam_lengths(points: np.ndarray, origins: np.ndarray) -> np.ndarray:
     """(N,) of `points (N, D)` and the `origins` of their beams; NaN or inf where there is no return."""
@@ -103,32 +109,42 @@ class ClippedCheck:
     than the one that most have.
     """
 
-    def __init__(self, max_range_m: float):
-        """max_range_m: from where ranges are dropped."""
+    def __init__(self, max_range_m: float, of_points: bool = False):
+        """max_range_m: from where ranges are dropped. of_points: they are distances of points, which rounded coordinates make uneven."""
         self._max_range_m, self._alike, self._scans = max_range_m, Counter(), 0
+        self._digits, self._apart_m = (2, POINTS_APART_M) if of_points else (3, 0.0)
+        self._least, self._least_share = (LEAST_POINTS, MANY_POINTS) if of_points else (2, MANY_ALIKE)
 
     def see(self, ranges: np.ndarray) -> None:
         """The ranges of a scan (N,), metres; those without a return may be inf or NaN."""
-        ranges = np.minimum(ranges[np.isfinite(ranges)], self._max_range_m)  # those that are dropped count as one, whatever their unit
-        found, count = np.unique(ranges.round(3), return_counts=True)
+        # All that are dropped count as one range, so that a cloud far from its sensor's origin takes no memory for each of its points.
+        seen = ranges[np.isfinite(ranges)]
+        seen = np.where(seen < self._max_range_m, seen, np.inf)
+        found, count = np.unique(seen.round(self._digits), return_counts=True)
         self._scans += len(found) > 0
         self._alike.update(dict(zip(found.tolist(), count.tolist(), strict=True)))
 
     def warn(self, path: str | os.PathLike) -> None:
         """One `UserWarning` where such ranges were not dropped, also where a few stray ones are longer."""
-        seen = sum(self._alike.values())
-        if len(self._alike) < 2:  # all are alike, or there is nothing
+        ranges = np.array(sorted(self._alike))
+        count = np.array([self._alike[range_m] for range_m in ranges.tolist()])
+        up_to = np.concatenate([[0], np.cumsum(count)])
+        reach_m = 1.5 * self._apart_m
+        shorter, not_longer = up_to[np.searchsorted(ranges, ranges - reach_m)], up_to[np.searchsorted(ranges, ranges + reach_m, "right")]
+        alike, longer, seen = not_longer - shorter, up_to[-1] - not_longer, up_to[-1]
+        # A sensor that stood still has one and the same longest range in each scan.
+        many = (alike >= self._least) & (alike > self._scans) & (alike >= self._least_share * seen) & (alike < seen)
+        codes = np.flatnonzero(many & (longer <= MOST_LONGER * alike) & (ranges < self._max_range_m))
+        if not len(codes):
             return
-        code_m, alike = max(self._alike.items(), key=lambda item: (item[1], item[0]))
-        longer, share = sum(count for range_m, count in self._alike.items() if range_m > code_m), alike / seen
-        several = alike > self._scans  # a sensor that stood still has one and the same longest range in each scan
-        if code_m < self._max_range_m and several and share >= MANY_ALIKE and longer <= MOST_LONGER * alike:
-            which = f"{code_m} m, and hardly any is longer" if longer else f"the largest, {code_m} m"
-            warnings.warn(
-                f"{path}: {100 * share:.2g} % of all ranges are {which}: are they beams without a return? Set "
-                f"reading.max_range_m={code_m} to drop them",
-                stacklevel=4,
-            )
+        code = codes[np.argmax(count[codes])]
+        code_m, limit_m = float(ranges[code]), round(float(ranges[code]) - reach_m, 3)
+        which = f"{code_m} m, and hardly any is longer" if longer[code] else f"the largest, {code_m} m"
+        warnings.warn(
+            f"{path}: {100 * alike[code] / seen:.2g} % of all ranges are {which}: are they beams without a return? Set "
+            f"reading.max_range_m={limit_m} to drop them",
+            stacklevel=4,
+        )
 
 
 def warn_of_long_beams(lengths: np.ndarray, path: str | os.PathLike) -> None:

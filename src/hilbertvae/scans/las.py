@@ -42,7 +42,7 @@ class _Header:
 
 def read_las(path: str | os.PathLike) -> FilePoints:
     """The points, metres, file frame (often UTM: float64 keeps the centimetre). LAS has no place for an origin. Feet, where the file says
-    that its coordinates are such, become metres, with a warning.
+    that its coordinates are such, become metres, with a warning; degrees are refused.
 
     Points marked as withheld, which the format's specification takes as deleted, are NaN: they keep their place in the file's order.
     No backend of laspy stands a damaged LAZ file: laszip writes where it should not and lazrs ends the interpreter. So LAZ is
@@ -93,7 +93,7 @@ def _header(path: Path, file) -> _Header:
     withheld = OLD_WITHHELD if form < 6 else NEW_WITHHELD
     behind_start, behind = struct.unpack_from("<QI", start, 235) if minor == 4 else (size, 0)
     records = system_records(file, header_bytes, blocks, end=data_start), system_records(file, behind_start, behind, EXTENDED_HEAD)
-    unit_m = metres_per_unit(chain(*records))
+    unit_m = metres_per_unit(chain(*records), path)
     return _Header(size, data_start, count, record_bytes, withheld, numbers[:3], numbers[3:], packed, unit_m)
 
 

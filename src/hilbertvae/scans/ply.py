@@ -16,6 +16,8 @@ from hilbertvae.scans.file_points import FilePoints, check_fits, reading
 from hilbertvae.scans.point_text import number_table
 
 MAX_HEADER = 65536
+MOST_BLANKS = 2
+"""Bytes of an end of a line."""
 BYTE_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _BASIC = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8"}
 _SIZED = {f"{kind}{bits}": f"{kind[0]}{bits // 8}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)}
@@ -57,13 +59,22 @@ def read_ply(path: str | os.PathLike) -> FilePoints:
 def _binary(path, file, order, elements, before, vertex, there) -> np.ndarray:
     needed = sum(element.count * element.dtype(order).itemsize for element in elements)
     check_fits(path, "the header's elements", needed, there)
-    if needed != there and not any(element.has_lists for element in elements):
+    if needed != there and not any(element.has_lists for element in elements) and not _ends_in_blanks(file, there - needed):
         raise InputError(f"{path}: the header's elements take {needed} bytes, {there} are there")
     if any(element.has_lists for element in before):
         raise InputError(f"{path}: expected the vertices ahead of elements that have lists")
     file.seek(sum(element.count * element.dtype(order).itemsize for element in before), os.SEEK_CUR)
     rows = np.fromfile(file, vertex.dtype(order), vertex.count)
     return np.column_stack([rows[axis].astype(np.float64) for axis in "xyz"])
+
+
+def _ends_in_blanks(file, count: int) -> bool:
+    """Whether the last `count` bytes are an end of a line, as some writers put it behind binary data, too. The file's place stays."""
+    place = file.tell()
+    file.seek(-count, os.SEEK_END)
+    last = file.read(MOST_BLANKS + 1)
+    file.seek(place)
+    return len(last) <= MOST_BLANKS and not last.strip()
 
 
 def _ascii(path, file, order, elements, before, vertex, there) -> np.ndarray:

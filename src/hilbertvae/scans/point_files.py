@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, within_range, without_zeros
+from hilbertvae.scans.beam_lengths import ClippedCheck, UnitCheck, beam_lengths, within_range, without_zeros
 from hilbertvae.scans.e57 import read_e57
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, FilePoints, NoRows, check_reading
 from hilbertvae.scans.las import read_las
@@ -94,6 +94,9 @@ def read_point_file(
     lengths, unit = beam_lengths(points[order], origins[order]), UnitCheck(max_range_m)
     unit.see(lengths)
     unit.warn(path)
+    clipped = ClippedCheck(max_range_m, of_points=True)
+    clipped.see(lengths)
+    clipped.warn(path)
     warn_if_rounded(points, path)
     if found.origins is not None:
         warn_if_rounded(found.origins, path, "origins", found.origin_type)

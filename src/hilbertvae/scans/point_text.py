@@ -6,12 +6,15 @@ import codecs
 import os
 import re
 import warnings
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.column_names import commented_columns, named_columns, split_fields
 from hilbertvae.scans.file_points import FilePoints, NoRows, reading
 
 MAX_LINE = 65536
@@ -23,12 +26,11 @@ COMMENT_AFTER = re.compile(rb"[ \t]+(?:#|//)|(?<=[\d.])(?:#|//)")
 """Where a comment begins behind the first row, or names, one of which may be `ring#`."""
 MARGIN = b" \r\n"
 """What is around a row. Tabs may be its delimiters, and then stand beside an empty column."""
-METRES = re.compile(r"_m$|\s*(\(m\)|\[m\])$")
-"""How the name of a column says that it is in metres."""
-UPWARDS, MAYBE_UPWARDS = re.compile(r"z[^a-z0-9]"), re.compile(r"height|elev|alt")
-"""How a column's name begins that must be, or may be, z in other words, where none is called so."""
-COMPONENT = re.compile(r"points(?:_m_xyz)?[:_]([012])")
-"""What ParaView and VeloView call coordinates."""
+QUOTED = re.compile(rb'"([^"\r\n]*)"')
+PLAIN = bytes.maketrans(b",;\t#/", b"?????")
+"""What takes the place of marks that part columns or begin comments, in a text between quotes."""
+MOST_COMMENTS = 100
+"""Of those above the numbers, the last: where names of columns are looked for."""
 
 
 def number_table(
@@ -36,14 +38,11 @@ def number_table(
     delimiter: str | None = None,
     columns: Sequence[int] | None = None,
     max_rows: int | None = None,
-    quote: str | None = None,
 ) -> np.ndarray:
     """(N, C) float64 of lines of numbers, comments and empty lines left out; a ValueError for ragged rows or no numbers."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # numpy warns of empty lines and of no rows; the second is an error of the caller's
-        return np.loadtxt(
-            lines, np.float64, COMMENTS, delimiter, usecols=columns, max_rows=max_rows, ndmin=2, encoding="latin1", quotechar=quote
-        )
+        return np.loadtxt(lines, np.float64, COMMENTS, delimiter, usecols=columns, max_rows=max_rows, ndmin=2, encoding="latin1")
 
 
 def read_point_text(path: str | os.PathLike) -> FilePoints:
@@ -51,17 +50,17 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
 
     A first line that is not numbers names the columns, as many as rows have: x, y and, in 3D, z are then found by name, whatever stands
     beside them; `x_m`, `x [m]` and ParaView's `Points:0` are x, too. Names may have spaces in them where tabs, commas or semicolons stand
-    between. So does the last comment ahead of the numbers, if it has a word for each column and x and y among them, as numpy and
-    CloudCompare write it. Other lines that start with # or // are passed over, and so is a first line with the count of points, of which
-    there may not be fewer.
-    Rows may end in a delimiter. `nan` is a beam without a return, as is a row of delimiters alone, and one of named
-    columns whose coordinates are empty. Raises `InputError` for anything else.
+    between. So does the last of the comments ahead of the numbers that has a word for each column and x and y among them, as numpy and
+    CloudCompare write it. Other lines that start with # or // are passed over, with a warning where they have x and y and none names the
+    columns, and so is a first line with the count of points, of which there may not be fewer.
+    Fields may be in quotes. Rows may end in a delimiter. `nan` is a beam without a return, as is a row of delimiters alone, and one of
+    named columns whose coordinates are empty. Raises `InputError` for anything else.
     """
     path = Path(path)
     with reading(path, "a text file of points"), open(path, "rb") as file:
         if file.read(len(codecs.BOM_UTF8)) != codecs.BOM_UTF8:
             file.seek(0)
-        start, first, comment, above, counted = file.tell(), b"", b"", 0, None
+        start, first, comments, above, counted = file.tell(), b"", deque(maxlen=MOST_COMMENTS), 0, None
         for line in iter(lambda: file.readline(MAX_LINE), b""):
             first = line.strip(MARGIN)
             if counted is None and first.isdigit() and _is_wide(file):
@@ -69,30 +68,31 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
                 continue
             if first.strip() and not first.lstrip().startswith((b"#", b"//")):
                 break
-            comment = first.strip() or comment
+            comments += [first.strip()] if first.strip() else []
             start, first, above = file.tell(), b"", above + line.endswith(b"\n")
         if not first:
             raise NoRows(f"{path}: expected lines of numbers, found none")
-        first = COMMENT_AFTER.split(first, maxsplit=1)[0]
+        first = COMMENT_AFTER.split(_unquoted(first), maxsplit=1)[0]
         if first == b"0" and not _first_row(file):  # the count of no points
             raise NoRows(f"{path}: expected lines of numbers, found none")
         delimiter = next((mark for mark in (",", ";") if mark.encode() in first), None)
-        fields = _fields(first, delimiter)
-        columns, commented, quote = None, None, '"' if b'"' in first else None
+        fields = split_fields(first, delimiter)
+        columns, commented = None, None
         if all(map(_is_number, fields)):
-            commented = _commented_columns(comment, delimiter, len(fields))
+            commented = commented_columns(path, comments, delimiter, len(fields))
         else:
             start, above = file.tell(), above + line.endswith(b"\n")
             if delimiter is None and 0 < first.count(b"\t") == _first_row(file).count(b"\t"):
                 delimiter = "\t"
-                fields = _fields(first, delimiter)
-            columns = _named_columns(path, fields)
-        table = _plain_table(path, delimiter, columns, len(fields), above, quote)
+                fields = split_fields(first, delimiter)
+            columns = named_columns(path, fields)
+        table = _plain_table(path, delimiter, columns, len(fields), above)
         if table is None:
             file.seek(start)
-            lines = file if columns is None else _checked(path, file, delimiter, fields, above)
+            rows = map(_unquoted, file)
+            lines = rows if columns is None else _checked(path, rows, delimiter, fields, above)
             lines = lines if delimiter is None else (_filled(line, delimiter.encode(), len(fields), columns) for line in lines)
-            table = number_table(lines, delimiter, columns, quote=quote)
+            table = number_table(lines, delimiter, columns)
         if not len(table):
             raise NoRows(f"{path}: expected lines of numbers, found none")
         if counted is not None and counted > len(table):
@@ -115,6 +115,11 @@ def _first_row(file) -> bytes:
     return next((row for line in iter(lambda: file.readline(MAX_LINE), b"") if (row := _without_comment(line)).strip()), b"")
 
 
+def _unquoted(line: bytes) -> bytes:
+    """A line without quotes around its fields, nor in them what would part columns or begin a comment."""
+    return QUOTED.sub(lambda found: found[1].translate(PLAIN), line) if b'"' in line else line
+
+
 def _without_comment(line: bytes) -> bytes:
     return (re.split(rb"#|//", line, maxsplit=1)[0] if b"#" in line or b"//" in line else line).strip(MARGIN)
 
@@ -132,33 +137,30 @@ def _checked(path: Path, lines: Iterable[bytes], delimiter: str | None, names: l
         yield line
 
 
-def _plain_table(
-    path: Path, delimiter: str | None, columns: Sequence[int] | None, count: int, above: int, quote: str | None = None
-) -> np.ndarray | None:
+def _plain_table(path: Path, delimiter: str | None, columns: Sequence[int] | None, count: int, above: int) -> np.ndarray | None:
     """`number_table` of a file below its first lines, in half the time, or None where rows need a closer look.
 
-    numpy reads a file by itself twice as fast as line by line, but then knows comments of one kind alone, and \\r as an end of lines, and
-    where `columns` are chosen does not see that rows have others than `count`.
+    numpy reads a file by itself twice as fast as line by line, but then knows comments of one kind alone, goes on behind the end of a line
+    with a quote that is not closed, takes \\r as an end of lines, and where `columns` are chosen does not see that rows have others than
+    `count`.
     """
     last = b""
     with open(path, "rb") as file:
-        for block in iter(lambda: file.read(BLOCK), b""):
+        head = b"".join(file.readline() for _ in range(above))
+        begin = file.tell()
+        for block in chain([head.replace(b'"', b"")], iter(lambda: file.read(BLOCK), b"")):
             seen = last + block
-            if b"//" in seen or seen.removesuffix(b"\r").count(b"\r") != seen.count(b"\r\n"):
+            if b'"' in block or b"//" in seen or seen.removesuffix(b"\r").count(b"\r") != seen.count(b"\r\n"):
                 return None
             last = seen[-1:]
         if columns is not None:
-            file.seek(0)
-            for _ in range(above):
-                file.readline()
+            file.seek(begin)
             if not _has_columns(file, delimiter, count):
                 return None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return np.loadtxt(
-                str(path), np.float64, "#", delimiter, skiprows=above, usecols=columns, ndmin=2, encoding="latin1", quotechar=quote
-            )
+            return np.loadtxt(str(path), np.float64, "#", delimiter, skiprows=above, usecols=columns, ndmin=2, encoding="latin1")
     except ValueError:
         return None
 
@@ -193,52 +195,9 @@ def _filled(line: bytes, delimiter: bytes, count: int, columns: Sequence[int] | 
     return line.removesuffix(delimiter)
 
 
-def _fields(line: bytes, delimiter: str | None) -> list[str]:
-    text = line.decode("latin1")
-    return [field.strip(' \t"') for field in (text if delimiter is None else text.removesuffix(delimiter)).split(delimiter)]
-
-
 def _is_number(field: str) -> bool:
     try:
         float(field)
     except ValueError:
         return False
     return True
-
-
-def _plain_names(fields: Iterable[str]) -> list[str]:
-    """Names of columns in small letters: x, y or z for those that say metres, too, and for a `COMPONENT`, unless another is just that."""
-    names, plain = [field.lower() for field in fields], []
-    for name in names:
-        bare = METRES.sub("", name)
-        component = COMPONENT.fullmatch(bare)
-        bare = "xyz"[int(component[1])] if component else bare
-        plain.append(name if bare in names else bare)
-    return plain
-
-
-def _named_columns(path: Path, fields: list[str]) -> list[int]:
-    names = _plain_names(fields)
-    if not {"x", "y"} <= set(names):
-        raise InputError(f"{path}: expected numbers, or a first line that names columns x, y (and z), got {' '.join(fields)[:60]!r}")
-    if "z" not in names:
-        if meant := next(filter(UPWARDS.match, names), None):
-            raise InputError(f"{path}: expected a column z, z_m or z [m] beside x and y, in metres, or none like it, got {meant[:60]!r}")
-        if maybe := next(filter(MAYBE_UPWARDS.match, names), None):
-            warnings.warn(f"{path.parent}: points are of the plane, by x and y; call {maybe[:60]!r} z if it is their height", stacklevel=5)
-    return _coordinates(names)
-
-
-def _commented_columns(comment: bytes, delimiter: str | None, count: int) -> list[int] | None:
-    """The columns of x, y (and z) where a comment names all `count` columns, else None: most comments are just that."""
-    text = re.sub(rb"^(#|//)+\s*", b"", comment)
-    # numpy.savetxt writes its header as it is given, which may be apart by spaces above numbers apart by commas.
-    for fields in (_fields(text, delimiter), _fields(text, "\t"), re.split(r"[\s,;]+", text.decode("latin1"))):
-        names = _plain_names(fields)
-        if len(names) == count and {"x", "y"} <= set(names):
-            return _coordinates(names)
-    return None
-
-
-def _coordinates(names: list[str]) -> list[int]:
-    return [names.index(name) for name in "xyz" if name in names]

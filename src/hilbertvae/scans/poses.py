@@ -13,6 +13,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.file_points import reading
+from hilbertvae.scans.headings import warn_of_degrees
 from hilbertvae.scans.quaternions import rotation_matrices
 from hilbertvae.scans.rounded import warn_of_few_digits
 
@@ -22,8 +23,6 @@ WIDTHS = (12, 8, 3)
 """How many numbers a line may have."""
 MOST_TILT_DEG = 15.0
 """A planar laser that leans further, on a tilting unit or a fallen robot, does not see the plan of a place."""
-WOUND_RAD = 4 * math.pi
-"""Headings in radians get beyond by winding up, turn after turn, and then in small steps."""
 UPRIGHT, MANY, NEARLY_ALL = 0.5, 0.2, 0.9
 """The cosine of 60 degrees, and shares of poses, by which quaternions are told to have qw first."""
 FARTHEST_M = 1e9
@@ -75,9 +74,8 @@ def read_timed_poses(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | 
         warnings.warn(
             f"{path}, line {back}: its time is before that of the line above; poses are those of scans by their place", stacklevel=4
         )
-    if _in_degrees(np.array(headings)):
-        most = max(headings, key=abs)
-        warnings.warn(f"{path}: headings in radians are expected and go up to {most:.6g}, in big steps; are they degrees?", stacklevel=4)
+    if headings:
+        warn_of_degrees(np.array(poses)[:, :2, 3], np.array(headings), path)
     if turned := _upside_down(np.array(quaternions)):
         said = f"in {turned} of {len(poses)} poses scans lie upside down; are the quaternions qw first? qx qy qz qw are expected"
         warnings.warn(f"{path}: {said}", stacklevel=4)
@@ -149,13 +147,6 @@ def _upside_down(quaternions: np.ndarray) -> int:
     up, other_up = 1 - 2 * (squares[:, 0] + squares[:, 1]), 1 - 2 * (squares[:, 1] + squares[:, 2])
     turned = int((up < -UPRIGHT).sum())
     return turned if turned >= MANY * len(up) and (other_up > UPRIGHT).mean() >= NEARLY_ALL else 0
-
-
-def _in_degrees(headings: np.ndarray) -> bool:
-    """Whether headings (H,) can hardly be radians, and can be degrees."""
-    most = np.abs(headings).max(initial=0.0)
-    steps = np.diff(headings) if len(headings) > 1 else headings
-    return bool(WOUND_RAD < most <= 360 and np.abs(steps).max() > math.pi)
 
 
 def _in_plane(x: float, y: float, heading: float) -> np.ndarray:

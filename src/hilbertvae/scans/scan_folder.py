@@ -14,7 +14,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError
 from hilbertvae.progress import track
-from hilbertvae.scans.beam_lengths import beam_lengths, without_zeros
+from hilbertvae.scans.beam_lengths import ClippedCheck, beam_lengths, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, FilePoints, check_reading, named, reading
 from hilbertvae.scans.names_in_order import names_in_order
@@ -102,6 +102,7 @@ def read_posed_scans(
     beam_origins = find_beam_origins(beam_origin)
     given = _given_poses(files, poses_path, lidar_to_camera) if poses is None else None
     odometry, own = KissOdometry(), OwnOrigins(files, given, poses_path, beam_origins)
+    clipped = ClippedCheck(max_range_m, of_points=True)
     kept, empty, dimension, first, unposed = ScanCollector(min_range_m, max_range_m), 0, 0, "", []
     # Odometry goes from scan to scan, so it sees those too that are left out.
     taken = range(0, len(files), every if poses is None else 1)
@@ -124,7 +125,9 @@ def read_posed_scans(
             unposed += [files[index].name] if found.pose is None else []
             _check_unposed(files, poses_path, unposed)
             pose = np.eye(3, 4)
-        chosen = kept.within(beam_lengths(points, start))
+        lengths = beam_lengths(points, start)
+        clipped.see(lengths)
+        chosen = kept.within(lengths)
         with named(files[index]):
             pose = odometry.register(points[chosen]) if pose is None else pose
         if index % every:
@@ -136,6 +139,7 @@ def read_posed_scans(
         warnings.warn(f"{files[0].parent}: {empty} of {len(taken)} scans have no return and are left out", stacklevel=3)
     own.warn()
     kept.warn(files[0].parent)
+    clipped.warn(files[0].parent)
     odometry.warn(files[0].parent)
     return kept.whole(files[0].parent, len(kept))
 

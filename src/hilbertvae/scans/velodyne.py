@@ -19,18 +19,29 @@ PLAIN, DOUBTFUL = 0.7, 0.9
 """How unlike neighbours under another width are, against 4: below the first 4 is plainly wrong, below the second where places are absurd.
 Real scans of 4 have 1.3 and more, in any order of their returns; those of 6 read as 4 have 0.2 to 0.7."""
 FARTHEST_RETURN_M = 1e5
+LEAST_NUMBER, MOST_NUMBER = 1e-4, 1e4
+"""Between them lie the coordinates of scans, those apart that are 0."""
+NEARLY_ALL, HARDLY = 0.99, 0.4
+"""Shares of such numbers: of float64 read as what it is, and the most of its lower halves read as float32, of which 0.1 to 0.2 are so. Real
+scans in float32 have 0.5 at most, and 0.99 and more."""
+TRANSPOSED = 0.9
+"""How unlike the numbers of a quarter of the file are, against those of every fourth place. Real scans have 1.27 and more, and stored
+coordinate by coordinate 0.78 and less."""
 
 
 def read_velodyne(path: str | os.PathLike) -> FilePoints:
     """The returns of one scan, metres, sensor frame; the file has no origin.
 
     A name that ends in `.pcd.bin` has five numbers a return (20 bytes), as nuScenes writes them; any other four (16 bytes). Raises
-    `InputError` unless the file is whole returns, and where four are expected and the file plainly has another number.
+    `InputError` unless the file is whole returns, where four are expected and the file plainly has another number, and for what is plainly
+    float64, or stored coordinate by coordinate.
     """
     path = Path(path)
     with reading(path, "a KITTI scan (.bin)"):
         size = path.stat().st_size
         numbers, names = (5, "x, y, z, intensity, ring") if path.name.lower().endswith(NUSCENES) else (4, "x, y, z, intensity")
+        if _is_double(path, size):
+            raise InputError(f"{path}: expected float32 {names}; its numbers look like float64: write them as float32 (.astype('<f4'))")
         # Nothing in the file says how many numbers a return has, so five taken for four would be a wrong map, not an error.
         if numbers == 4 and size and size % 20 == 0 and _has_rings(np.fromfile(path, "<f4").reshape(-1, 5)):
             raise InputError(f"{path}: expected 4 numbers a return; it looks like 5, as nuScenes writes them: name it {NUSCENES}")
@@ -41,7 +52,42 @@ def read_velodyne(path: str | os.PathLike) -> FilePoints:
             raise InputError(
                 f"{path}: expected 4 numbers a return (x, y, z, intensity); it looks like {width}: write these 4 (intensity may be 0)"
             )
+        if _is_transposed(values, numbers):
+            wanted = f"expected {names} return by return, an array (N, {numbers})"
+            raise InputError(f"{path}: {wanted}; it looks like all x, then all y, as ({numbers}, N): write its transpose")
         return FilePoints(values.reshape(-1, numbers)[:, :3].astype(np.float64))
+
+
+def _is_double(path: Path, size: int) -> bool:
+    """Whether the file has the coordinates of returns of 3, 4 or 5 numbers in float64, and as float32 nothing that could be coordinates."""
+    if size % 8 or size < 8 * LEAST_VALUES:
+        return False
+    halves = np.fromfile(path, "<f4", 2 * MOST_VALUES)
+    if _could_be_coordinates(halves[::2]).mean() >= HARDLY:
+        return False
+    doubles = halves.view("<f8")
+    for width in (width for width in (3, 4, 5) if size % (8 * width) == 0):
+        places = doubles[: len(doubles) // width * width].reshape(-1, width)[:, :3]
+        told = places[(places != 0) & ~np.isnan(places)]  # zeros and beams without a return say nothing
+        if len(told) >= LEAST_VALUES / 4 and _could_be_coordinates(told).mean() >= NEARLY_ALL:
+            return True
+    return False
+
+
+def _could_be_coordinates(numbers: np.ndarray) -> np.ndarray:
+    return (np.abs(numbers) >= LEAST_NUMBER) & (np.abs(numbers) <= MOST_NUMBER)
+
+
+def _is_transposed(values: np.ndarray, width: int) -> bool:
+    """Whether values of the same part of the file, of `width` parts, are more alike than those of the same place in their returns."""
+    if len(values) < LEAST_VALUES:
+        return False
+    count = len(values) // width
+    # In random order: neighbours in a scan are alike whatever they are taken for.
+    chosen = np.random.default_rng(0).permutation(count)[: MOST_VALUES // width]
+    here = _unlikeness(values.reshape(count, width)[chosen].ravel().astype(np.float64), width)
+    there = _unlikeness(values.reshape(width, count).T[chosen].ravel().astype(np.float64), width)
+    return there < TRANSPOSED * here
 
 
 def _has_rings(rows: np.ndarray) -> bool:
