@@ -42,7 +42,7 @@ MAPPING = [line.split("#")[0].strip() for line in re.findall(r"^\.venv/bin/hilbe
 PYTHON = re.findall(r"```python\n(.*?)```", PAGES, re.DOTALL)
 SHOWN = (
     (("2d",), "2d", "Intel (2D)", ("cvae-hm-adapted", "hm", "gpom", "lard-hm", "octomap", "nearest-15")),
-    (("3d",), "3d-before", "kitti_drive0005 (3D)", ("hm", "hm-points", "lard-hm", "octomap", "nearest-15")),
+    (("3d",), "3d", "kitti_drive0005 (3D)", ("hm", "hm-points", "lard-hm", "octomap", "nearest-15")),
 )
 """Folders of `docs/results/shipped` with our scores and, in the same gaps, with all others', how the README calls their site, and which
 mappers it shows beside ours and the paper's."""
