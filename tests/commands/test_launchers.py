@@ -17,6 +17,8 @@ def test_launchers_run_the_jobs(launcher, tmp_path):
         result, _ = read_result(tmp_path / f"outputs/debug/ablation-quick/{case}-seed0/result.json")
         assert not result.failed
     assert len(list((tmp_path / "outputs/trained").glob("*.safetensors"))) == 1
+    again = by_itself(tmp_path, "cases/ablation=default,weights-unit", f"launcher={launcher}")
+    assert again.returncode == 0 and "2 of 2 jobs have results" in again.stdout
 
 
 def test_two_processes_train_one_network(tmp_path):

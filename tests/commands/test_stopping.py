@@ -70,6 +70,12 @@ def test_a_reader_that_is_gone_fails_no_run(tmp_path):
     assert (tmp_path / "run/result.json").read_bytes() == before
 
 
+def test_a_multirun_stops_and_says_what_was_not_done(tmp_path):
+    code, said = stop_while_training(tmp_path, "-m", "+sweep=ablation", "cases/ablation=default,unmasked")
+    assert code == 130 and "the same command goes on from" in said and "Traceback" not in said and "FAILED" not in said
+    assert "0 of 2 jobs have results" in said and "not done default-seed0\n" in said and "not done unmasked-seed0\n" in said
+
+
 def test_the_workers_of_a_sweep_stop_with_it(tmp_path):
     pytest.importorskip("hydra_plugins.hydra_joblib_launcher")
     code, _ = stop_while_training(tmp_path, "-m", "+sweep=ablation", "launcher=joblib", "cases/ablation=default,unmasked")

@@ -165,7 +165,9 @@ def test_ablation_names_switches_of_the_calibration(tmp_path, key):
 
 def test_ablation_without_its_default_has_no_differences(tmp_path):
     put(tmp_path, "no-skips-seed0", {"cvae-hm": [0.7, 0.8]})
-    row = table(read_page(tmp_path, "ablation"))[0]
+    page = read_page(tmp_path, "ablation")
+    row = table(page)[0]
+    assert "No case `default` was scored: nothing to differ from." in page.markdown() and "paired by" not in page.markdown()
     assert row["gaps_voxels_auc_difference_mean"] == "" and float(row["gaps_voxels_auc_mean"]) == pytest.approx(0.75)
 
 

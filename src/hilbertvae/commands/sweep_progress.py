@@ -1,8 +1,10 @@
-"""A Hydra callback that says how a multirun goes: which jobs there are, a line for each as it ends, and at the end those that failed."""
+"""A Hydra callback that says how a multirun goes: which jobs there are, a line for each as it ends, and at the end those that failed
+or were not done."""
 
 from __future__ import annotations
 
 import atexit
+import os
 import re
 import sys
 import time
@@ -22,19 +24,33 @@ from hilbertvae.checks import InputError
 from hilbertvae.files import json_object, write_json
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.run_lock import alone_in
-from hilbertvae.reports.run_state import is_trained, refusal
+from hilbertvae.reports.run_state import REFUSED, is_trained, refusal
 from hilbertvae.tables.clustering import NAME as CLUSTERING
 from hilbertvae.tables.clustering import read_starts_file
 from hilbertvae.tables.sweep import SWEEP
 
+ENDS, NETWORK = (REFUSED, CLUSTERING, "result.json"), "model.safetensors"
+"""Files in a job's folder that say how it ended, the first that is there; one that only trains leaves its network."""
 NAME_OF_VALUE = re.compile(r"[\w.+-]{1,40}")
 
 
 class Job(NamedTuple):
-    """One job of a multirun: the name of its folder, and whether it scores anything or only trains."""
+    """One job of a multirun: its sweep's folder and size, the name of its own folder in there, and whether it scores anything or only
+    trains. Jobs that differ in their sweep's `name` lie in several such folders."""
 
+    sweep: Path
+    size: str
     name: str
     scored: bool
+
+    @property
+    def folder(self) -> Path:
+        """Where its results go."""
+        return self.sweep / self.name
+
+
+Stamp = tuple[int, int]
+"""What tells whether a file was written since."""
 
 
 class SweepProgress(Callback):
@@ -50,18 +66,19 @@ class SweepProgress(Callback):
         if any(word.partition("=")[0] == "output" for word in config.hydra.overrides.task):
             print("output: expected none with -m, where each job has a folder below hydra.sweep.dir; set that one", file=sys.stderr)
             sys.exit(2)
-        folder, jobs = Path(config.hydra.sweep.dir), all_jobs(config)
-        names = [job.name for job in jobs]
-        if shared := [name for name, times in Counter(names).items() if times > 1]:  # they would overwrite each other's results
-            several = f"expected a folder for each job, got several in {', '.join(shared)}"
+        jobs = all_jobs(config)
+        # They would overwrite each other's results.
+        if shared := [job for job, times in Counter(job.folder for job in jobs).items() if times > 1]:
+            several = f"expected a folder for each job, got several in {', '.join(path.name for path in shared)}"
             print(f"hydra.sweep.subdir: {several}; add {telling_subdir(config)}", file=sys.stderr)
             sys.exit(2)
         sweep = OmegaConf.select(config, "hydra.runtime.choices.sweep")
         if sweep:  # any other multirun may be of anything; hilbertvae-table is told what with --sweep
-            list_jobs(folder, sweep, config.size, names)
-        print(f"{len(jobs)} jobs in {folder}", flush=True)
+            for folder, size in dict.fromkeys((job.sweep, job.size) for job in jobs):
+                list_jobs(folder, sweep, size, [job.name for job in jobs if (job.sweep, job.size) == (folder, size)])
+        print(f"{len(jobs)} jobs in {folders_of(jobs)}", flush=True)
         # Not on_multirun_end, which Hydra leaves out when a job failed.
-        atexit.register(say_how_it_ended, folder, jobs)
+        atexit.register(say_how_it_ended, jobs, stamps(jobs))
 
     def on_job_start(self, config: DictConfig, **_: Any) -> None:
         self.since = time.perf_counter()
@@ -69,8 +86,10 @@ class SweepProgress(Callback):
     def on_job_end(self, config: DictConfig, job_return: JobReturn, **_: Any) -> None:
         if OmegaConf.is_missing(config.hydra.job, "num"):
             return  # a single run
-        how = "finished" if job_return.status == JobStatus.COMPLETED else "FAILED"
-        print(f"\n{how} {Path(config.hydra.runtime.output_dir).name} in {time.perf_counter() - self.since:.0f} s", flush=True)
+        folder, completed = Path(config.hydra.runtime.output_dir), job_return.status == JobStatus.COMPLETED
+        if completed and (found := evidence(folder, scored=False)):
+            os.utime(found)  # also one that was finished before is a result of this launch, as its settings are
+        print(f"\n{'finished' if completed else 'FAILED'} {folder.name} in {time.perf_counter() - self.since:.0f} s", flush=True)
 
 
 def list_jobs(folder: Path, sweep: str, size: str, names: list[str]) -> None:
@@ -87,16 +106,43 @@ def earlier_jobs(path: Path, sweep: str, size: str) -> list[str]:
     return [str(job) for job in jobs] if isinstance(jobs, list) else []
 
 
-def say_how_it_ended(folder: Path, jobs: list[Job]) -> None:
-    """A line for each job that failed or has no result, and where the others' lie."""
-    broken = {job.name: why for job in jobs if (why := what_failed(folder / job.name, job.scored))}
-    print(f"\n{len(jobs) - len(broken)} of {len(jobs)} jobs have results in {folder}")
+def folders_of(jobs: list[Job]) -> str:
+    """The folders of the jobs' sweeps, in words."""
+    return ", ".join(map(str, dict.fromkeys(job.sweep for job in jobs)))
+
+
+def evidence(folder: Path, scored: bool) -> Path | None:
+    """The file in a job's folder that says how it ended; None where it was not done. scored: whether a network alone is no end."""
+    return next((folder / name for name in (ENDS if scored else (*ENDS, NETWORK)) if (folder / name).exists()), None)
+
+
+def stamps(jobs: list[Job]) -> dict[Path, Stamp]:
+    """The files of an earlier launch that could be taken for results of this one."""
+    return {path: _stamp(path) for job in jobs for name in (*ENDS, NETWORK) if (path := job.folder / name).exists()}
+
+
+def _stamp(path: Path) -> Stamp:
+    stat = path.stat()  # compared with one of its own, not with a time: a worker's machine may have another clock
+    return stat.st_ino, stat.st_mtime_ns
+
+
+def say_how_it_ended(jobs: list[Job], before: dict[Path, Stamp]) -> None:
+    """How many jobs have results of this launch and where they lie, and a line for each that failed or was not done. before: `stamps` of
+    when it began."""
+    done, lines = 0, []
     for job in jobs:
-        if not job.scored and job.name not in broken:
-            print(f"{job.name}: trained, nothing scored")
-    for name, why in broken.items():
-        print(f"FAILED {name}: {why}")
-    sys.stdout.flush()
+        name = job.name if len({each.sweep for each in jobs}) == 1 else job.folder
+        found = evidence(job.folder, job.scored)
+        if found is None:
+            lines.append(f"not done {name}")
+        elif before.get(found) == _stamp(found):
+            lines.append(f"not done {name}: what lies there is of an earlier launch")
+        elif why := what_failed(job.folder, job.scored):
+            lines.append(f"FAILED {name}: {why}")
+        else:
+            done += 1
+            lines += [] if job.scored else [f"{name}: trained, nothing scored"]
+    print(f"\n{done} of {len(jobs)} jobs have results in {folders_of(jobs)}", *lines, sep="\n", flush=True)
 
 
 def all_jobs(config: DictConfig) -> list[Job]:
@@ -108,13 +154,13 @@ def all_jobs(config: DictConfig) -> list[Job]:
         job.hydra.job.num = number
         job.hydra.job.id = str(number)
         HydraConfig.instance().set_config(job)  # `${hydra:...}` in the name of a folder asks there; each job sets its own later
-        jobs.append(Job(job.hydra.sweep.subdir, scored=bool(job.mapper and job.data.test)))
+        jobs.append(Job(Path(job.hydra.sweep.dir), job.size, job.hydra.sweep.subdir, scored=bool(job.mapper and job.data.test)))
     return jobs
 
 
 def job_overrides(config: DictConfig) -> list[list[str]]:
     """The overrides of each job of a multirun, in their order."""
-    given = list(config.hydra.overrides.task)
+    given = OmegaConf.to_container(config.hydra.overrides.task, resolve=False)  # `name=${...}` is each job's own
     keys = {word.split("=", 1)[0] for word in given}
     words = [f"{key}={value}" for key, value in (config.hydra.sweeper.params or {}).items() if key not in keys] + given
     overrides = OverridesParser.create(config_loader=GlobalHydra.instance().config_loader()).parse_overrides(words)

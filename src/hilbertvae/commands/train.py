@@ -63,11 +63,6 @@ def _application(config: DictConfig) -> None:
             sys.modules["__main__"].__spec__ = find_spec("hilbertvae.train")
         with contextlib.nullcontext() if int(os.environ.get("LOCAL_RANK", 0)) else alone_in(output, waits=many):
             code = (run_clustering if settings.task == "clustering" else run)(settings, again=not many)
-    except KeyboardInterrupt as error:
-        if many:
-            raise
-        print(f"hilbertvae-train: {str(error) or 'stopped; the same command goes on from where it was'}", file=sys.stderr)
-        sys.exit(130)
     except BrokenPipeError:  # nothing of the run has failed: a reader such as `head` has had enough
         if many:
             raise
@@ -110,7 +105,11 @@ def main() -> None:
     show_any_text()
     remember_gpus()
     with stopped_by_signals():  # else a launcher's workers, or a scoring's, would go on without it
-        _application()
+        try:
+            _application()
+        except KeyboardInterrupt as error:  # here: it ends all jobs of a multirun, also while Hydra waits for a launcher's workers
+            print(f"hilbertvae-train: {str(error) or 'stopped; the same command goes on from where it was'}", file=sys.stderr)
+            sys.exit(130)
 
 
 if __name__ == "__main__":

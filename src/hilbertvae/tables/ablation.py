@@ -34,6 +34,7 @@ SHOWN = 4
 DIFFERENCE_LEGEND = (
     "Differences are from the default, paired by training seed and gap seed; worse in: of how many such pairs the switch is worse."
 )
+NO_DEFAULT = f"No case `{DEFAULT}` was scored: nothing to differ from."
 
 
 def ablation_page(sweep: Sweep) -> Page:
@@ -48,7 +49,8 @@ def ablation_page(sweep: Sweep) -> Page:
         rows = case_rows(sweep, site, runs, SCORES, row_of, lambda run: (run.case != DEFAULT, run.case))
         shown = shown or rows
         tables += case_tables(sweep, site, rows, SCORES, _difference_columns(), named=(text("switched", "switched"),))
-    return Page(TITLE, tables, lambda: ablation_picture(shown), [LEGEND, DIFFERENCE_LEGEND])
+    compared = any(run.case == DEFAULT for run in sweep.scored)
+    return Page(TITLE, tables, lambda: ablation_picture(shown), [LEGEND, DIFFERENCE_LEGEND if compared else NO_DEFAULT])
 
 
 def _difference_columns() -> list[Column]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from hilbertvae.checks import InputError
+from hilbertvae.tables.recipe import settings_but
 from hilbertvae.tables.sweep import UNCLEAN, Run, Sweep
 
 OWN = "hilbertvae"
@@ -18,6 +20,9 @@ NO_SITE = ("checkpoint", "mapper.")
 
 BUDGET = ("trainer.epochs", "trainer.steps_per_epoch", "trainer.batch_size", "calibration_seeds", "data.simulated")
 """Settings that must agree where rows are of networks that were trained alike: a sweep's folder keeps jobs of earlier calls."""
+TRAINED = ("trainer.epochs", "calibration_seeds", "data.simulated")
+"""Those that must agree where rows are of networks with recipes of their own, which may have other steps and batches, and of mappers
+without one."""
 
 
 class Made(Protocol):
@@ -27,22 +32,36 @@ class Made(Protocol):
     about: dict
 
 
-def check_alike(sweep: Sweep, varies: frozenset[str] = frozenset(), same: tuple[str, ...] = ()) -> None:
+@dataclass(frozen=True)
+class Alike:
+    """What may differ between the rows of a kind of sweep, and what may not, beside what never may.
+
+    varies: keys that it changes on purpose, such as `protocol.gap_ratio` or `site`. same: settings of every run. trained: settings of those
+    runs that trained. but: where all else that decides a network and its map has to agree, too, patterns of the settings that need not; a
+    setting that one run lacks is not compared.
+    """
+
+    varies: frozenset[str] = frozenset()
+    same: tuple[str, ...] = ()
+    trained: tuple[str, ...] = ()
+    but: tuple[str, ...] | None = None
+
+
+def check_alike(sweep: Sweep, alike: Alike) -> None:
     """An `InputError` that names the file and the key for the first run that differs from those before it.
 
-    varies: keys that this sweep changes on purpose, such as `protocol.gap_ratio` or `site`. same: settings that must agree beside those
-    that always must. Runs of which nothing was scored give no row, so that nothing is asked of them.
+    Runs of which nothing was scored give no row, so that nothing is asked of them.
     """
     first: dict[tuple[str, str], tuple[object, Run]] = {}
     for run in sweep.scored:
-        for key, value in _facts(run, same):
+        for key, value in _facts(run, alike):
             of_site = run.result.site if key == GAPS else ""  # each site has gaps of its own
             known, of = first.setdefault((key, of_site), (value, run))
-            if known != value and key not in varies:
+            if known != value and key not in alike.varies:
                 raise InputError(f"{run.path}: {key}: {_short(value)}, but {_short(known)} in {of.path}; they can't stand in one table")
 
 
-def _facts(run: Run, same: tuple[str, ...]) -> Iterator[tuple[str, object]]:
+def _facts(run: Run, alike: Alike) -> Iterator[tuple[str, object]]:
     result = run.result
     if OWN not in run.about["packages"]:
         raise InputError(f"{run.path}: packages.{OWN}: missing")
@@ -63,8 +82,14 @@ def _facts(run: Run, same: tuple[str, ...]) -> Iterator[tuple[str, object]]:
     for name, digest in run.about.get("data", {}).items():
         if not name.startswith(NO_SITE):
             yield f"data.{name}", digest
-    for key in same:
+    for key in alike.same:
         yield f"config.{key}", run.config(key)
+    # Older results name a training's settings where nothing was trained, too.
+    for key in alike.trained if run.stage_seconds("train") else ():
+        if (value := run.config(key)) is not None:
+            yield f"config.{key}", value
+    if alike.but is not None:
+        yield from ((f"config.{key}", value) for key, value in settings_but(run.about, alike.but))
 
 
 def _short(value: object) -> str:

@@ -18,6 +18,8 @@ from hilbertvae.tables.sweep import Run, Sweep, grouped
 CLUSTER = "grid.cluster_diameter_m"
 VARIES = frozenset({"protocol.gap_ratio", "protocol.cluster_size_m", "gap_diameter_m", GAPS})
 """What this sweep changes of the protocol: the gaps' size, however it is written."""
+SETTINGS = (CLUSTER, "grid.cells", "grid.inner_radius_m", "augmentation.balls")
+"""And of the settings: a larger box has more cells and more of the balls that are cut out of it, and its clusters are further apart."""
 TITLE = "Gap size by cluster size, as in the paper's Fig. 7"
 METRICS = {"precision": "precision", "recall": "recall", "f1": "F1", "best_f1": "best F1", "auc": "AUC"}
 SCORES = [measured(f"{'gaps: ' if place == 0 else ''}{title} (%)", f"gaps_{m}") for place, (m, title) in enumerate(METRICS.items())]

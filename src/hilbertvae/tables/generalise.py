@@ -16,6 +16,8 @@ from hilbertvae.tables.spread import Spread, differences, over_seeds, share_of, 
 from hilbertvae.tables.sweep import Sweep
 
 VARIES = frozenset({SITE, GAPS})
+SETTINGS = ("data.train", "data.calibrate", "data.validate")
+"""What this sweep changes of the settings: a site that is left out has no other part in a training, either."""
 TITLE = "Each site left out of training in turn"
 EVERY = "all sites"
 """The last row: mean and deviation over the sites' means."""

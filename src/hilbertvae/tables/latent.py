@@ -11,7 +11,8 @@ from hilbertvae.tables.measure import COST_LEGEND, COSTS, LEGEND, Group, costs_o
 from hilbertvae.tables.page import Page, Row, measured, text, value
 from hilbertvae.tables.sweep import Run, Sweep
 
-LATENT, VARIATIONAL = "network.latent", "network.variational"
+SETTINGS = LATENT, VARIATIONAL = "network.latent", "network.variational"
+"""What this sweep changes of the settings."""
 TITLE = "Latent dimension, as in the paper's Fig. 6"
 METRICS = {"best_f1": "best F1", "auc": "AUC"}
 """A map of its grids alone has no constant to move a cut with, so F1 at the cut of 0.6 would show how sure it is and not what it knows."""

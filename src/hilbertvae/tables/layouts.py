@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hilbertvae.checks import InputError
-from hilbertvae.tables import gap_size, generalise
+from hilbertvae.tables import gap_size, generalise, latent, tradeoff
 from hilbertvae.tables.ablation import ablation_page
-from hilbertvae.tables.alike import BUDGET, check_alike, origin_notes
+from hilbertvae.tables.alike import BUDGET, TRAINED, Alike, check_alike, origin_notes
 from hilbertvae.tables.clustering import read_starts
 from hilbertvae.tables.gap_size import gap_size_page
 from hilbertvae.tables.generalise import generalise_page
@@ -24,16 +24,15 @@ from hilbertvae.tables.tradeoff import tradeoff_page
 
 @dataclass(frozen=True)
 class Layout:
-    """page: makes the tables of checked runs. varies, same: see `check_alike`."""
+    """page: makes the tables of checked runs. alike: what has to agree between them."""
 
     page: Callable[[Sweep], Page]
-    varies: frozenset[str] = frozenset()
-    same: tuple[str, ...] = ()
+    alike: Alike = field(default_factory=Alike)
 
     def read(self, folder: Path, kind: str) -> Page:
         """The page of the sweep in a folder; an `InputError` for runs that can't stand in one table."""
         sweep = read_sweep(folder, kind)
-        check_alike(sweep, self.varies, self.same)
+        check_alike(sweep, self.alike)
         page = self.page(sweep)
         page = replace(page, notes=[*page.notes, *ceiling_note(sweep.scored)])
         return finished(page, kind, sweep.size, sweep.troubles(), origin_notes(sweep.scored))
@@ -49,14 +48,14 @@ class StartsLayout:
 
 
 LAYOUTS: dict[str, Layout | StartsLayout] = {
-    "table1": Layout(methods_page),
-    "table2": Layout(methods_page),
+    "table1": Layout(methods_page, Alike(trained=TRAINED)),
+    "table2": Layout(methods_page, Alike(trained=TRAINED)),
     "fig2": StartsLayout(),
-    "fig6": Layout(latent_page, same=BUDGET),
-    "fig7": Layout(gap_size_page, varies=gap_size.VARIES, same=BUDGET),
-    "tradeoff": Layout(tradeoff_page, same=BUDGET),
+    "fig6": Layout(latent_page, Alike(same=BUDGET, but=latent.SETTINGS)),
+    "fig7": Layout(gap_size_page, Alike(gap_size.VARIES, same=BUDGET, but=gap_size.SETTINGS)),
+    "tradeoff": Layout(tradeoff_page, Alike(same=BUDGET, but=tradeoff.CHANGED)),
     "ablation": Layout(ablation_page),
-    "generalise": Layout(generalise_page, varies=generalise.VARIES, same=BUDGET),
+    "generalise": Layout(generalise_page, Alike(generalise.VARIES, same=BUDGET, but=generalise.SETTINGS)),
 }
 
 

@@ -1,8 +1,10 @@
-"""What the runs of one row of a table have in common: all that decides a network and its map but the training seed."""
+"""What the runs of one row of a table have in common: all that decides a network and its map but the training seed. So have those of a
+sweep, but for what it varies."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from fnmatch import fnmatchcase
 from typing import Any
 
 from hilbertvae.checks import InputError
@@ -31,6 +33,19 @@ def check_same_recipe(run: Any, first: Any) -> None:
         if ours[key] != theirs[key]:
             said = f"{ours[key]!r:.60}, but {theirs[key]!r:.60} in {first.path}"
             raise InputError(f"{run.path}: {key}: {said}; runs of one row differ in their training seed alone")
+
+
+def settings_but(about: dict, varies: Iterable[str]) -> Iterator[tuple[str, Any]]:
+    """Settings that decide a network and its map, by their dotted keys, but those that a pattern of `varies` fits; `*` fits any name."""
+
+    def varied(key: str) -> bool:
+        return any(fnmatchcase(key, pattern) for pattern in varies)
+
+    for key, value in _flat(about["config"]):
+        if isinstance(value, dict):
+            yield key, {name: inner for name, inner in value.items() if not varied(f"{key}.{name}")}
+        elif not varied(key):
+            yield key, value
 
 
 def _facts(about: dict) -> Iterator[tuple[str, Any]]:

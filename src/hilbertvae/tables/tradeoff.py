@@ -27,6 +27,8 @@ SETTINGS = {
     "latent": ("network.latent",),
 }
 """What may vary, and where it is set; the first place that has it holds. {}: the mapper's name in the configuration."""
+CHANGED = (*(key.format("*") for keys in SETTINGS.values() for key in keys), "grid.cluster_diameter_m", "augmentation.balls")
+"""And what goes with it: a box of more cells is larger, and has more of the balls that are cut out of it."""
 UNSET = "default"
 """Shown where a setting is left to the code's own default."""
 WHAT = (text("varied", "varied"), text("value", "value"))
