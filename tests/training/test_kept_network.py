@@ -1,5 +1,6 @@
 """Runs that differ in scoring alone share one training."""
 
+import errno
 import json
 import threading
 from dataclasses import replace
@@ -108,6 +109,18 @@ def test_whoever_comes_second_waits_and_is_given_the_network(tmp_path, first):
     waiting.join(20)
     assert isinstance(found[0], Reconstructor) and found[0].seconds == {"train": 1.5}
     assert (tmp_path / "two").read_bytes() == path.read_bytes()
+
+
+def test_where_files_can_t_be_locked_a_network_is_kept_all_the_same(tmp_path, first, monkeypatch):
+    def no_locks(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    pytest.importorskip("fcntl")
+    monkeypatch.setattr("fcntl.flock", no_locks)
+    place = KeptNetwork(tmp_path / "trained", "same")
+    assert place.take(tmp_path / "copy") is None
+    place.keep(first[1], {"train": 1.5})
+    assert KeptNetwork(tmp_path / "trained", "same").take(tmp_path / "copy").seconds == {"train": 1.5}
 
 
 def test_a_training_that_breaks_leaves_the_place_free(tmp_path, first, monkeypatch):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 
 from filelock import FileLock
@@ -14,7 +15,8 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 class KeptNetwork:
     """The place of one network, `<folder>/<name>.safetensors`, and the right to fill it, which one run at a time has.
 
-    A run that is killed loses that right with its process, so that the next one trains.
+    A run that is killed loses that right with its process, so that the next one trains. Where files can't be locked, nobody waits: whoever
+    finds no network trains one, and the last of them is kept.
     """
 
     def __init__(self, folder: str | Path, name: str):
@@ -25,7 +27,8 @@ class KeptNetwork:
 
     def take(self, copy: Path) -> Reconstructor | None:
         """The network, also copied to `copy`, or None and the right to train it; waits while another run trains it."""
-        self._lock.acquire()
+        with suppress(NotImplementedError, OSError):  # some network file systems have no locks
+            self._lock.acquire()
         if not self.path.exists():
             return None
         self.release()
@@ -43,4 +46,5 @@ class KeptNetwork:
 
     def release(self) -> None:
         """Give the right back; nothing happens without it."""
-        self._lock.release()
+        with suppress(OSError):
+            self._lock.release()
