@@ -31,7 +31,7 @@ OWN_FOLDERS = {CHECKPOINTS, TENSORBOARD, PICTURES, UNFINISHED}
 """Names in a run's folder that no site's result can have."""
 
 REFUSED = "refused.txt"
-"""Why the last job in a folder was refused, beside the results of one before it, which stay."""
+"""Why the last job in a folder was refused, or broke, beside the results of one before it, which stay."""
 
 
 def site_folder(folder: Path, site: str, first: bool) -> Path:
@@ -119,9 +119,10 @@ def write_failure(folder: str | Path, config: dict, error: BaseException) -> Pat
 
 
 def write_refusal(folder: str | Path, error: BaseException) -> None:
-    """Beside results that stay: why a later job of the same folder did not start. `allow` takes it back."""
+    """Beside results that stay: why a later job of the same folder did not start, or broke. `allow` takes it back."""
+    kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "  # whose messages alone say what is wrong
     with atomic(Path(folder) / REFUSED) as temporary:
-        temporary.write_text(f"{error}\n", encoding="utf-8")
+        temporary.write_text(f"{kind}{error}\n", encoding="utf-8")
 
 
 def allow(folder: str | Path) -> None:
@@ -130,7 +131,7 @@ def allow(folder: str | Path) -> None:
 
 
 def refusal(folder: str | Path) -> str | None:
-    """Why the last job in `folder` was refused, if it was."""
+    """Why the last job in `folder` was refused, or broke beside results that stay, if it was so."""
     path = Path(folder) / REFUSED
     return path.read_text(encoding="utf-8").strip() if path.exists() else None
 
