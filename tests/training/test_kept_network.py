@@ -19,11 +19,11 @@ from hilbertvae.reconstruction.networks import NETWORKS  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
 from hilbertvae.reports.report import Report  # noqa: E402
 from hilbertvae.scoring.protocol import Protocol  # noqa: E402
-from hilbertvae.training import train as train_module  # noqa: E402
-from hilbertvae.training.kept_network import KeptNetwork  # noqa: E402
+from hilbertvae.training import kept_network as kept_module  # noqa: E402
+from hilbertvae.training.kept_network import KeptNetwork, kept_name  # noqa: E402
 from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
 from hilbertvae.training.scoring import score  # noqa: E402
-from hilbertvae.training.train import kept_name, train  # noqa: E402
+from hilbertvae.training.train import train  # noqa: E402
 from hilbertvae.training.training_hash import training_hash  # noqa: E402
 
 
@@ -137,7 +137,7 @@ def test_a_training_that_breaks_leaves_the_place_free(tmp_path, first, monkeypat
 def test_the_code_that_trains_and_weighs_names_a_kept_network(first, monkeypatch, module):
     """The map's weights are kept with the network, so what learns them counts, too."""
     parts = []
-    monkeypatch.setattr(train_module, "code_hash", lambda names: parts.extend(names) or "")
+    monkeypatch.setattr(kept_module, "code_hash", lambda names: parts.extend(names) or "")
     kept_name(first[0])
     path = module.replace(".", "/") + ".py"
     assert path in parts or path.split("/")[0] in parts
@@ -226,15 +226,15 @@ class TestWeightsLearnedAnew:
 def test_code_of_ones_own_names_a_network_too(first, monkeypatch):
     settings, _ = first
     usual = kept_name(settings)
-    monkeypatch.setattr(train_module, "foreign_source", lambda kind: "class Mine: pass")
+    monkeypatch.setattr(kept_module, "foreign_source", lambda kind: "class Mine: pass")
     assert kept_name(settings) != usual
-    monkeypatch.setattr(train_module, "foreign_source", lambda kind: None)
+    monkeypatch.setattr(kept_module, "foreign_source", lambda kind: None)
     with pytest.raises(InputError, match="^trained: expected none with a network whose code is in no file"):
         kept_name(settings)
     ours = {type(settings.network), NETWORKS[settings.network.kind][1]}
-    monkeypatch.setattr(train_module, "foreign_source", lambda kind: "" if kind in ours else "class Mine: pass")
+    monkeypatch.setattr(kept_module, "foreign_source", lambda kind: "" if kind in ours else "class Mine: pass")
     assert kept_name(settings) != usual  # by the likelihood alone
-    monkeypatch.setattr(train_module, "foreign_source", lambda kind: "" if kind in ours else None)
+    monkeypatch.setattr(kept_module, "foreign_source", lambda kind: "" if kind in ours else None)
     with pytest.raises(InputError, match="^trained: expected none with a likelihood whose code is in no file"):
         kept_name(settings)
 

@@ -48,7 +48,8 @@ def run(settings: Settings, again: bool = True) -> int:
     scored = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
     mappers = load_named(settings, mappers, scored)
     if training:
-        from hilbertvae.training.train import check_folder, first_rank, train
+        from hilbertvae.training.train import first_rank, train
+        from hilbertvae.training.training_folder import check_folder
 
         check_folder(settings)
     elif scored and is_trained(settings.output) and not _is_its_own(settings):

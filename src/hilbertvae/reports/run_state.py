@@ -18,6 +18,9 @@ RUN = "run"
 TRAINING = "training.json"
 """What a training begun in a folder is of, by hashes."""
 
+NETWORK = "model.safetensors"
+"""The network of a training that has ended."""
+
 CHECKPOINTS = "checkpoints"
 """The folder, in a run's own, of what a training goes on from."""
 
@@ -63,7 +66,7 @@ def is_trained(folder: str | Path, training_hash: str | None = None) -> bool:
 
     try:
         begun = json_object(Path(folder) / TRAINING)["training_hash"]
-        ended = Reconstructor.load(Path(folder) / "model.safetensors").card["training_hash"]
+        ended = Reconstructor.load(Path(folder) / NETWORK).card["training_hash"]
     except (InputError, KeyError, TypeError):  # missing, damaged, or of another version: to be made again
         return False
     return begun == ended and training_hash in (None, ended)

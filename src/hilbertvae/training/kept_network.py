@@ -1,4 +1,4 @@
-"""Networks kept under the hash of what trained them: runs that differ in scoring alone share one training."""
+"""Networks kept under the hash of what trained them, and the code: runs that differ in scoring alone share one training."""
 
 from __future__ import annotations
 
@@ -8,8 +8,32 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from hilbertvae.files import copy_file, write_json
+import hilbertvae
+from hilbertvae.checks import InputError
+from hilbertvae.files import copy_file, hash_of, write_json
+from hilbertvae.reconstruction.likelihood import LIKELIHOODS
+from hilbertvae.reconstruction.networks import NETWORKS, check_kind
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.training.foreign_code import foreign_source
+from hilbertvae.training.kept_grids import GRID_SOURCES, code_hash
+from hilbertvae.training.settings import Settings
+from hilbertvae.training.training_hash import training_hash
+
+
+def kept_name(settings: Settings) -> str:
+    """What names a kept network: its settings, and the code that trains it and learns its Hilbert Map's weights.
+
+    An `InputError` for a network or likelihood whose code can't be read: it may be another one the next time.
+    """
+    code = code_hash((*GRID_SOURCES, "mappers", "reconstruction", "scoring/calibration.py", "scoring/cases.py", "training"))
+    check_kind(settings.network)
+    network = [type(settings.network), NETWORKS[settings.network.kind][1]]
+    own = []
+    for what, kinds in (("network", network), ("likelihood", [LIKELIHOODS[settings.likelihood.kind]])):
+        own += map(foreign_source, kinds)
+        if None in own:
+            raise InputError(f"trained: expected none with a {what} whose code is in no file; write it into a module")
+    return hash_of([training_hash(settings), hilbertvae.__version__, code, *filter(None, own)])
 
 
 class KeptNetwork:
