@@ -66,3 +66,15 @@ train.main()
         assert done.returncode == 1
         assert (tmp_path / "run/result.json").read_bytes() == before
         assert (tmp_path / "run/refused.txt").read_text().startswith(error.split("(")[0] + ": ")
+
+
+def test_a_run_of_fewer_sites_leaves_none_of_another(tmp_path):
+    """Tables, and whoever looks into the folder, would take it for one of the run's own."""
+    pytest.importorskip("shapely")
+    command = ["debug=fast", "mapper=[nearest]", "evaluation.occlusion=false", "trainer.threads=1", f"output={tmp_path / 'run'}"]
+    second = tmp_path / "run/simulated-900003"
+    for sites, left in (("900002,simulated:900003", ["pictures", "result.json", "scores.md"]), ("900002", [])):
+        words = [*command, f"data.test=[simulated:{sites}]"]
+        subprocess.run([sys.executable, "-m", "hilbertvae.train", *words], capture_output=True, check=True)
+        assert sorted(path.name for path in second.iterdir()) == left
+    assert (tmp_path / "run/result.json").exists() and (tmp_path / "run/pictures").exists()

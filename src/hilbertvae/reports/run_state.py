@@ -30,6 +30,12 @@ TENSORBOARD, PICTURES, SURFACE = "tensorboard", "pictures", "surface.ply"
 UNFINISHED = "unfinished"
 """The folder, in a run's own, of scores that are kept until it has written everything."""
 
+SCORES = "scores.md"
+"""The tables of a `result.json`, beside it."""
+
+LOCK = ".lock"
+"""What a run holds in its folder while it is at work there."""
+
 OWN_FOLDERS = {CHECKPOINTS, TENSORBOARD, PICTURES, UNFINISHED}
 """Names in a run's folder that no site's result can have."""
 
@@ -75,8 +81,34 @@ def is_trained(folder: str | Path, training_hash: str | None = None) -> bool:
 def forget(folder: str | Path) -> None:
     """Remove the results that an earlier run left, of all its sites: a sweep whose job is stopped half-way, or is of fewer sites now, would
     otherwise count them as the job's."""
+    for site in _site_folders(folder):
+        _forget_site(site)
     for result in [Path(folder) / "result.json", *Path(folder).glob("*/result.json")]:
         result.unlink(missing_ok=True)
+
+
+def forget_other_sites(folder: str | Path, identity: dict) -> None:
+    """After a run has written everything: remove the results of sites that an earlier one scored, and this one, of `identity`, did not."""
+    for site in _site_folders(folder):
+        if json_object(site / "result.json").get("config_hash") != hash_of(identity):
+            _forget_site(site)
+
+
+def _site_folders(folder: str | Path) -> list[Path]:
+    """The folders, in a run's own, of its further sites' results; another run may have its folder there, too, with what only runs leave."""
+    found = []
+    for result in Path(folder).glob("*/result.json"):
+        of_a_run = any((result.parent / name).exists() for name in (LOCK, TRAINING, NETWORK, CHECKPOINTS, TENSORBOARD))
+        site = json_object(result).get("site")
+        if not of_a_run and isinstance(site, str) and result.parent == site_folder(Path(folder), site, first=False):
+            found.append(result.parent)
+    return found
+
+
+def _forget_site(folder: Path) -> None:
+    for name in ("result.json", SCORES):
+        (folder / name).unlink(missing_ok=True)
+    clear_pictures(folder)
 
 
 def has_result(folder: str | Path) -> bool:
