@@ -70,6 +70,12 @@ def test_a_training_s_folder_is_not_scored_into_with_another_network(tmp_path, n
     (own / "training.json").write_text('{"training_hash": "abc"}')
     with pytest.raises(InputError, match="output: .*run holds the training of another network than `checkpoint`"):
         run(settings)
+    named = ["mapper=[cvae-hm]", "+mapper.cvae-hm.weights=unit", "mapper.cvae-hm.reconstructor="]
+    with pytest.raises(InputError, match="output: .*run holds the training of another network than `mapper.cvae-hm.reconstructor`"):
+        run(fast(tmp_path, *named[:2], named[2] + str(network)))
+    assert not (own / "result.json").exists()
+    assert run(fast(tmp_path, *named[:2], f"{named[2]}{own / 'model.safetensors'}")) == 0
+    assert run(fast(tmp_path, "mapper=[nearest]")) == 0  # is of no network
     assert run(fast(tmp_path, f"checkpoint={own / 'model.safetensors'}", "mapper=[cvae-hm]", "seed=3")) == 0
     assert read_result(own / "result.json")[1]["seeds"]["training"] == 7  # not what was typed
 

@@ -47,3 +47,34 @@ train.main()
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr.strip() == "hilbertvae-train: checkpoints/best.ckpt: No space left on device"
+
+
+def test_a_single_run_that_breaks_leaves_the_result_of_one_before_it(tmp_path):
+    """Of a full disk, or of anything else: why stands beside it."""
+    command = ["debug=fast", "mapper=[nearest]", "pictures=false", "trainer.threads=1", f"output={tmp_path / 'run'}"]
+    subprocess.run([sys.executable, "-m", "hilbertvae.train", *command], capture_output=True, check=True)
+    before = (tmp_path / "run/result.json").read_bytes()
+    for error in ("OSError(28, 'No space left on device', 'checkpoints/best.ckpt')", "RuntimeError('out of memory')"):
+        program = f"""
+from hilbertvae.commands import train
+def broken(*_, **__):
+    raise {error}
+train.run = broken
+train.main()
+"""
+        done = subprocess.run([sys.executable, "-c", program, *command], capture_output=True, text=True, check=False)
+        assert done.returncode == 1
+        assert (tmp_path / "run/result.json").read_bytes() == before
+        assert (tmp_path / "run/refused.txt").read_text().startswith(error.split("(")[0] + ": ")
+
+
+def test_a_run_of_fewer_sites_leaves_none_of_another(tmp_path):
+    """Tables, and whoever looks into the folder, would take it for one of the run's own."""
+    pytest.importorskip("shapely")
+    command = ["debug=fast", "mapper=[nearest]", "evaluation.occlusion=false", "trainer.threads=1", f"output={tmp_path / 'run'}"]
+    second = tmp_path / "run/simulated-900003"
+    for sites, left in (("900002,simulated:900003", ["pictures", "result.json", "scores.md"]), ("900002", [])):
+        words = [*command, f"data.test=[simulated:{sites}]"]
+        subprocess.run([sys.executable, "-m", "hilbertvae.train", *words], capture_output=True, check=True)
+        assert sorted(path.name for path in second.iterdir()) == left
+    assert (tmp_path / "run/result.json").exists() and (tmp_path / "run/pictures").exists()

@@ -23,7 +23,7 @@ from hilbertvae.commands.sweep_progress import earlier_jobs, list_jobs, what_fai
 from hilbertvae.commands.table import main as table
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.run_state import UNFINISHED
-from hilbertvae.training.train import kept_name
+from hilbertvae.training.kept_network import kept_name
 
 pytest.importorskip("embreex")
 pytestmark = pytest.mark.filterwarnings("ignore")

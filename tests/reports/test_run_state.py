@@ -13,6 +13,7 @@ from hilbertvae.reports.run_state import (
     UNFINISHED,
     clear,
     forget,
+    forget_other_sites,
     is_finished,
     is_trained,
     site_folder,
@@ -84,6 +85,50 @@ def test_all_results_of_a_folder_are_forgotten_and_nothing_else(finished):
     (folder / "model.safetensors").write_text("")
     forget(folder)
     assert sorted(path.name for path in folder.rglob("*")) == ["elsewhere", "model.safetensors", "scores.md"]
+
+
+@pytest.fixture
+def elsewhere(finished):
+    """Makes a folder, in the run's own, of a result of a site, with all that stands beside it and a note of somebody's own."""
+    folder, found = finished
+
+    def make(name, identity, site="simulated:5"):
+        other = result()
+        other.site = site
+        write_result(folder / name / "result.json", other, provenance({}, identity=identity))
+        (folder / name / "pictures").mkdir()
+        for beside in ("scores.md", "pictures/map.png", "surface.ply", "note.txt"):
+            (folder / name / beside).write_text("")
+        return folder / name
+
+    return make
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+WHOLE = ["note.txt", "pictures", "result.json", "scores.md", "surface.ply"]
+
+
+def test_sites_that_a_run_has_no_more_are_forgotten_with_what_shows_them(finished, elsewhere):
+    folder, _ = finished
+    before, now = elsewhere("simulated-5", {"training": "before"}), elsewhere("simulated-6", IDENTITY, "simulated:6")
+    forget_other_sites(folder, IDENTITY)
+    assert names(before) == ["note.txt"] and names(now) == WHOLE and (folder / "result.json").exists()
+    forget(folder)
+    assert names(now) == ["note.txt"]
+
+
+@pytest.mark.parametrize("mark", [".lock", "training.json", "model.safetensors", "checkpoints", "tensorboard"])
+def test_folders_of_other_runs_are_left_alone(finished, elsewhere, mark):
+    folder, _ = finished
+    run, of_another_name = elsewhere("simulated-5", {"training": "before"}), elsewhere("mine", {"training": "before"})
+    (run / mark).mkdir()
+    (folder / "broken").mkdir()
+    (folder / "broken/result.json").write_text("{")
+    forget_other_sites(folder, IDENTITY)
+    assert names(run) == sorted([mark, *WHOLE]) and names(of_another_name) == WHOLE and names(folder / "broken") == ["result.json"]
 
 
 def test_a_folder_that_was_scored_into_alone(finished):

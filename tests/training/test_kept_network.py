@@ -1,5 +1,6 @@
 """Runs that differ in scoring alone share one training."""
 
+import errno
 import json
 import threading
 from dataclasses import replace
@@ -18,11 +19,11 @@ from hilbertvae.reconstruction.networks import NETWORKS  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
 from hilbertvae.reports.report import Report  # noqa: E402
 from hilbertvae.scoring.protocol import Protocol  # noqa: E402
-from hilbertvae.training import train as train_module  # noqa: E402
-from hilbertvae.training.kept_network import KeptNetwork  # noqa: E402
+from hilbertvae.training import kept_network as kept_module  # noqa: E402
+from hilbertvae.training.kept_network import KeptNetwork, kept_name  # noqa: E402
 from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
 from hilbertvae.training.scoring import score  # noqa: E402
-from hilbertvae.training.train import kept_name, train  # noqa: E402
+from hilbertvae.training.train import train  # noqa: E402
 from hilbertvae.training.training_hash import training_hash  # noqa: E402
 
 
@@ -110,6 +111,18 @@ def test_whoever_comes_second_waits_and_is_given_the_network(tmp_path, first):
     assert (tmp_path / "two").read_bytes() == path.read_bytes()
 
 
+def test_where_files_can_t_be_locked_a_network_is_kept_all_the_same(tmp_path, first, monkeypatch):
+    def no_locks(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    pytest.importorskip("fcntl")
+    monkeypatch.setattr("fcntl.flock", no_locks)
+    place = KeptNetwork(tmp_path / "trained", "same")
+    assert place.take(tmp_path / "copy") is None
+    place.keep(first[1], {"train": 1.5})
+    assert KeptNetwork(tmp_path / "trained", "same").take(tmp_path / "copy").seconds == {"train": 1.5}
+
+
 def test_a_training_that_breaks_leaves_the_place_free(tmp_path, first, monkeypatch):
     settings = replace(first[0], output=str(tmp_path / "broken"), trained=str(tmp_path / "trained"))
     monkeypatch.setattr(ReconstructionModule, "training_step", lambda *arguments: 1 / 0)
@@ -124,7 +137,7 @@ def test_a_training_that_breaks_leaves_the_place_free(tmp_path, first, monkeypat
 def test_the_code_that_trains_and_weighs_names_a_kept_network(first, monkeypatch, module):
     """The map's weights are kept with the network, so what learns them counts, too."""
     parts = []
-    monkeypatch.setattr(train_module, "code_hash", lambda names: parts.extend(names) or "")
+    monkeypatch.setattr(kept_module, "code_hash", lambda names: parts.extend(names) or "")
     kept_name(first[0])
     path = module.replace(".", "/") + ".py"
     assert path in parts or path.split("/")[0] in parts
@@ -213,15 +226,15 @@ class TestWeightsLearnedAnew:
 def test_code_of_ones_own_names_a_network_too(first, monkeypatch):
     settings, _ = first
     usual = kept_name(settings)
-    monkeypatch.setattr(train_module, "foreign_source", lambda kind: "class Mine: pass")
+    monkeypatch.setattr(kept_module, "foreign_source", lambda kind: "class Mine: pass")
     assert kept_name(settings) != usual
-    monkeypatch.setattr(train_module, "foreign_source", lambda kind: None)
+    monkeypatch.setattr(kept_module, "foreign_source", lambda kind: None)
     with pytest.raises(InputError, match="^trained: expected none with a network whose code is in no file"):
         kept_name(settings)
     ours = {type(settings.network), NETWORKS[settings.network.kind][1]}
-    monkeypatch.setattr(train_module, "foreign_source", lambda kind: "" if kind in ours else "class Mine: pass")
+    monkeypatch.setattr(kept_module, "foreign_source", lambda kind: "" if kind in ours else "class Mine: pass")
     assert kept_name(settings) != usual  # by the likelihood alone
-    monkeypatch.setattr(train_module, "foreign_source", lambda kind: "" if kind in ours else None)
+    monkeypatch.setattr(kept_module, "foreign_source", lambda kind: "" if kind in ours else None)
     with pytest.raises(InputError, match="^trained: expected none with a likelihood whose code is in no file"):
         kept_name(settings)
 

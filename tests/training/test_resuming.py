@@ -10,8 +10,9 @@ from stopping_toys import assert_same, count_steps, let_the_first_epoch_be_the_b
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from training_toys import TRAINER, tiny_settings
 
-import hilbertvae.training.train as train_module
+import hilbertvae.training.kept_network as kept_module
 from hilbertvae.checks import InputError
+from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.training.grids_datamodule import GridsDataModule
@@ -145,6 +146,35 @@ def test_a_folder_with_a_run_of_other_settings_is_left_alone(finished):
     assert path.read_bytes() == before
 
 
+def test_a_folder_whose_checkpoints_are_gone_has_its_network_still(finished, tmp_path, monkeypatch):
+    """Whoever removed them to save room has a finished network there: it is scored, and no other is trained over it."""
+    settings = replace(finished[0], output=str(tmp_path / "bare"), data=replace(finished[0].data, test=["simulated:900002"]))
+    shutil.copytree(finished[0].output, settings.output, ignore=shutil.ignore_patterns("checkpoints"))
+    network = tmp_path / "bare/model.safetensors"
+    before, written = network.read_bytes(), []
+    monkeypatch.setattr(ReconstructionModule, "training_step", lambda *arguments: pytest.fail("trained again"))
+    with pytest.raises(InputError, match=r"output: .*bare holds a run with other settings \(seed 0 and not 9\)"):
+        train(replace(settings, seed=9))
+    assert train(settings, {"cvae-hm": HilbertMap("trained")}, lambda *arguments: written.append(arguments)) == network
+    ((result, _, _),) = written
+    assert set(result.scores) == {"cvae-hm"} and network.read_bytes() == before and not (tmp_path / "bare/checkpoints").exists()
+
+
+@pytest.mark.parametrize(("name", "damage"), [("last.ckpt", "cut"), ("last.ckpt", "short"), ("last.ckpt", "empty"), ("last.ckpt", "other"),
+                                              ("best.ckpt", "cut"), ("best.ckpt", "gone")])  # fmt: skip
+def test_a_damaged_checkpoint_is_named_with_the_remedy(finished, tmp_path, name, damage):
+    settings = replace(finished[0], output=str(tmp_path / "damaged"))
+    shutil.copytree(finished[0].output, settings.output)
+    path = tmp_path / "damaged/checkpoints" / name
+    content = {"cut": path.read_bytes()[:-1000], "short": path.read_bytes()[:20000], "empty": b"", "other": b"nothing of the kind"}
+    path.unlink() if damage == "gone" else path.write_bytes(content[damage])
+    why = "No such file or directory" if damage == "gone" else "cut off, or of something else"
+    with pytest.raises(InputError, match=rf"^{path}: expected a whole checkpoint.* \({why}\); remove {path.parent} to train anew"):
+        train(settings)
+    shutil.rmtree(path.parent)
+    assert train(settings) == tmp_path / "damaged/model.safetensors"
+
+
 @pytest.mark.parametrize("content", [b"{", b"[]", b"\xff"])
 def test_a_folder_that_does_not_say_what_was_trained_in_it_is_left_alone(finished, tmp_path, content):
     settings = replace(finished[0], output=str(tmp_path / "damaged"))
@@ -162,7 +192,7 @@ def test_a_job_whose_network_is_kept_trains_anew_what_another_left(change, tmp_p
     if change == "settings":
         settings = replace(settings, seed=9)
     else:
-        monkeypatch.setattr(train_module, "code_hash", lambda parts: "other code")
+        monkeypatch.setattr(kept_module, "code_hash", lambda parts: "other code")
     train(settings)
     assert steps == list(range(TRAINER.epochs * TRAINER.steps_per_epoch))
     assert len(list((tmp_path / "trained").glob("*.safetensors"))) == 2

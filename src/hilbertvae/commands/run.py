@@ -14,7 +14,7 @@ from hilbertvae.commands.overrides import named_networks
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reports.provenance import named_without_folders
-from hilbertvae.reports.run_state import clear, forget, is_finished, is_trained, was_scored_alone
+from hilbertvae.reports.run_state import NETWORK, clear, forget, forget_other_sites, is_finished, is_trained, was_scored_alone
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.site import Site, open_site, site_name
 from hilbertvae.training.settings import Settings
@@ -48,11 +48,12 @@ def run(settings: Settings, again: bool = True) -> int:
     scored = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
     mappers = load_named(settings, mappers, scored)
     if training:
-        from hilbertvae.training.train import check_folder, first_rank, train
+        from hilbertvae.training.train import first_rank, train
+        from hilbertvae.training.training_folder import check_folder
 
         check_folder(settings)
-    elif scored and is_trained(settings.output) and not _is_its_own(settings):
-        raise InputError(f"output: {settings.output} holds the training of another network than `checkpoint`; choose another `name`")
+    else:
+        _check_own(settings)
     if not again:  # late: a job that is refused leaves what was there
         forget(settings.output)
     config = asdict(settings) if training else config_without_training(settings)
@@ -78,6 +79,8 @@ def run(settings: Settings, again: bool = True) -> int:
             return 0
     else:
         score(settings, mappers, scored, write)
+    if write.written:
+        forget_other_sites(settings.output, write.identity)
     return write.close()
 
 
@@ -130,7 +133,12 @@ def _given(settings: Settings) -> dict[str, str]:
     return {key: file_sha256(path) for key, path in paths.items() if path.is_file()}  # one that is missing is named where it is loaded
 
 
-def _is_its_own(settings: Settings) -> bool:
-    """Whether the network to be scored is the one that was trained in the run's folder."""
-    own = Path(settings.output) / "model.safetensors"
-    return own.is_file() and file_sha256(own) == file_sha256(checkpoint_path(settings.checkpoint))
+def _check_own(settings: Settings) -> None:
+    """An `InputError` if the run's folder holds the training of another network than is scored: it would have that one's scores. Others may
+    be scored beside its own."""
+    given = _given(settings)
+    if settings.checkpoint:
+        given = {"checkpoint": given["checkpoint"]}
+    if given and is_trained(settings.output) and file_sha256(Path(settings.output) / NETWORK) not in given.values():
+        than = ", ".join(f"`{key}`" for key in given)
+        raise InputError(f"output: {settings.output} holds the training of another network than {than}; choose another `name`")

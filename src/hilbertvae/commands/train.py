@@ -76,10 +76,10 @@ def _application(config: DictConfig) -> None:
             print(f"hilbertvae-train: {error}", file=sys.stderr)
             sys.exit(2)
         unwritable = isinstance(error, OSError) and error.filename and not many  # a full disk, or a folder that nobody may write in
-        if refused and had(output):  # good scores don't go for a slip of the pen
-            write_refusal(output, error)
-        else:
-            with contextlib.suppress(OSError) if unwritable else contextlib.nullcontext():  # where there's no room even for that
+        with contextlib.suppress(OSError) if unwritable else contextlib.nullcontext():  # where there's no room even for that
+            if had(output) and (refused or not many):  # good scores don't go for a slip of the pen, nor for a full disk
+                write_refusal(output, error)
+            else:
                 write(output, OmegaConf.to_container(config, resolve=True, throw_on_missing=False), error)
         if unwritable:  # a checkpoint is made in the system's temporary folder and moved: it is where to that it couldn't be
             print(f"\nhilbertvae-train: {error.filename2 or error.filename}: {error.strerror}", file=sys.stderr)

@@ -18,6 +18,9 @@ RUN = "run"
 TRAINING = "training.json"
 """What a training begun in a folder is of, by hashes."""
 
+NETWORK = "model.safetensors"
+"""The network of a training that has ended."""
+
 CHECKPOINTS = "checkpoints"
 """The folder, in a run's own, of what a training goes on from."""
 
@@ -27,11 +30,17 @@ TENSORBOARD, PICTURES, SURFACE = "tensorboard", "pictures", "surface.ply"
 UNFINISHED = "unfinished"
 """The folder, in a run's own, of scores that are kept until it has written everything."""
 
+SCORES = "scores.md"
+"""The tables of a `result.json`, beside it."""
+
+LOCK = ".lock"
+"""What a run holds in its folder while it is at work there."""
+
 OWN_FOLDERS = {CHECKPOINTS, TENSORBOARD, PICTURES, UNFINISHED}
 """Names in a run's folder that no site's result can have."""
 
 REFUSED = "refused.txt"
-"""Why the last job in a folder was refused, beside the results of one before it, which stay."""
+"""Why the last job in a folder was refused, or broke, beside the results of one before it, which stay."""
 
 
 def site_folder(folder: Path, site: str, first: bool) -> Path:
@@ -63,7 +72,7 @@ def is_trained(folder: str | Path, training_hash: str | None = None) -> bool:
 
     try:
         begun = json_object(Path(folder) / TRAINING)["training_hash"]
-        ended = Reconstructor.load(Path(folder) / "model.safetensors").card["training_hash"]
+        ended = Reconstructor.load(Path(folder) / NETWORK).card["training_hash"]
     except (InputError, KeyError, TypeError):  # missing, damaged, or of another version: to be made again
         return False
     return begun == ended and training_hash in (None, ended)
@@ -72,8 +81,34 @@ def is_trained(folder: str | Path, training_hash: str | None = None) -> bool:
 def forget(folder: str | Path) -> None:
     """Remove the results that an earlier run left, of all its sites: a sweep whose job is stopped half-way, or is of fewer sites now, would
     otherwise count them as the job's."""
+    for site in _site_folders(folder):
+        _forget_site(site)
     for result in [Path(folder) / "result.json", *Path(folder).glob("*/result.json")]:
         result.unlink(missing_ok=True)
+
+
+def forget_other_sites(folder: str | Path, identity: dict) -> None:
+    """After a run has written everything: remove the results of sites that an earlier one scored, and this one, of `identity`, did not."""
+    for site in _site_folders(folder):
+        if json_object(site / "result.json").get("config_hash") != hash_of(identity):
+            _forget_site(site)
+
+
+def _site_folders(folder: str | Path) -> list[Path]:
+    """The folders, in a run's own, of its further sites' results; another run may have its folder there, too, with what only runs leave."""
+    found = []
+    for result in Path(folder).glob("*/result.json"):
+        of_a_run = any((result.parent / name).exists() for name in (LOCK, TRAINING, NETWORK, CHECKPOINTS, TENSORBOARD))
+        site = json_object(result).get("site")
+        if not of_a_run and isinstance(site, str) and result.parent == site_folder(Path(folder), site, first=False):
+            found.append(result.parent)
+    return found
+
+
+def _forget_site(folder: Path) -> None:
+    for name in ("result.json", SCORES):
+        (folder / name).unlink(missing_ok=True)
+    clear_pictures(folder)
 
 
 def has_result(folder: str | Path) -> bool:
@@ -119,9 +154,10 @@ def write_failure(folder: str | Path, config: dict, error: BaseException) -> Pat
 
 
 def write_refusal(folder: str | Path, error: BaseException) -> None:
-    """Beside results that stay: why a later job of the same folder did not start. `allow` takes it back."""
+    """Beside results that stay: why a later job of the same folder did not start, or broke. `allow` takes it back."""
+    kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "  # whose messages alone say what is wrong
     with atomic(Path(folder) / REFUSED) as temporary:
-        temporary.write_text(f"{error}\n", encoding="utf-8")
+        temporary.write_text(f"{kind}{error}\n", encoding="utf-8")
 
 
 def allow(folder: str | Path) -> None:
@@ -130,7 +166,7 @@ def allow(folder: str | Path) -> None:
 
 
 def refusal(folder: str | Path) -> str | None:
-    """Why the last job in `folder` was refused, if it was."""
+    """Why the last job in `folder` was refused, or broke beside results that stay, if it was so."""
     path = Path(folder) / REFUSED
     return path.read_text(encoding="utf-8").strip() if path.exists() else None
 

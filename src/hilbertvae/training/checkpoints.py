@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
+from pickle import UnpicklingError
 
 import torch
 from lightning.pytorch.callbacks import EarlyStopping, ModelCheckpoint
 from lightning.pytorch.callbacks.early_stopping import EarlyStoppingReason
 from lightning.pytorch.plugins.io import TorchCheckpointIO
 
+from hilbertvae.checks import InputError
 from hilbertvae.files import atomic
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.simulate.street_variety import VARIETIES
@@ -47,9 +50,20 @@ class PatienceOnce(EarlyStopping):
             trainer.should_stop = True
 
 
+def read_checkpoint(path: str | os.PathLike) -> dict:
+    """What a checkpoint of a training holds; an `InputError` for one that is missing or damaged, without which a run can't go on."""
+    try:
+        return torch.load(path, map_location="cpu", weights_only=True)
+    except (OSError, EOFError, RuntimeError, UnpicklingError) as error:
+        # Not in torch's words, which advise to trust the file, or are of a seek before its start.
+        why = error.strerror if getattr(error, "filename", None) else "cut off, or of something else"
+        ways = f"remove {Path(path).parent} to train anew, or, where its network is finished, to score that"
+        raise InputError(f"{path}: expected a whole checkpoint for the run to go on from, got none ({why}); {ways}") from error
+
+
 def best_reconstructor(settings: Settings, network: torch.nn.Module, path: str) -> Reconstructor:
     """The network of a run with the weights of the checkpoint at `path`, and a card that says what it was trained on."""
-    saved = torch.load(path, map_location="cpu", weights_only=True)
+    saved = read_checkpoint(path)
     weights = {key.removeprefix("network."): value for key, value in saved["state_dict"].items() if key.startswith("network.")}
     network = network.to("cpu")
     network.load_state_dict(weights)

@@ -1,20 +1,46 @@
-"""Networks kept under the hash of what trained them: runs that differ in scoring alone share one training."""
+"""Networks kept under the hash of what trained them, and the code: runs that differ in scoring alone share one training."""
 
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 
 from filelock import FileLock
 
-from hilbertvae.files import copy_file, write_json
+import hilbertvae
+from hilbertvae.checks import InputError
+from hilbertvae.files import copy_file, hash_of, write_json
+from hilbertvae.reconstruction.likelihood import LIKELIHOODS
+from hilbertvae.reconstruction.networks import NETWORKS, check_kind
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.training.foreign_code import foreign_source
+from hilbertvae.training.kept_grids import GRID_SOURCES, code_hash
+from hilbertvae.training.settings import Settings
+from hilbertvae.training.training_hash import training_hash
+
+
+def kept_name(settings: Settings) -> str:
+    """What names a kept network: its settings, and the code that trains it and learns its Hilbert Map's weights.
+
+    An `InputError` for a network or likelihood whose code can't be read: it may be another one the next time.
+    """
+    code = code_hash((*GRID_SOURCES, "mappers", "reconstruction", "scoring/calibration.py", "scoring/cases.py", "training"))
+    check_kind(settings.network)
+    network = [type(settings.network), NETWORKS[settings.network.kind][1]]
+    own = []
+    for what, kinds in (("network", network), ("likelihood", [LIKELIHOODS[settings.likelihood.kind]])):
+        own += map(foreign_source, kinds)
+        if None in own:
+            raise InputError(f"trained: expected none with a {what} whose code is in no file; write it into a module")
+    return hash_of([training_hash(settings), hilbertvae.__version__, code, *filter(None, own)])
 
 
 class KeptNetwork:
     """The place of one network, `<folder>/<name>.safetensors`, and the right to fill it, which one run at a time has.
 
-    A run that is killed loses that right with its process, so that the next one trains.
+    A run that is killed loses that right with its process, so that the next one trains. Where files can't be locked, nobody waits: whoever
+    finds no network trains one, and the last of them is kept.
     """
 
     def __init__(self, folder: str | Path, name: str):
@@ -25,7 +51,8 @@ class KeptNetwork:
 
     def take(self, copy: Path) -> Reconstructor | None:
         """The network, also copied to `copy`, or None and the right to train it; waits while another run trains it."""
-        self._lock.acquire()
+        with suppress(NotImplementedError, OSError):  # some network file systems have no locks
+            self._lock.acquire()
         if not self.path.exists():
             return None
         self.release()
@@ -43,4 +70,5 @@ class KeptNetwork:
 
     def release(self) -> None:
         """Give the right back; nothing happens without it."""
-        self._lock.release()
+        with suppress(OSError):
+            self._lock.release()

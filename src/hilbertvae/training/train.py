@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import os
 import re
-import shutil
 import warnings
 from pathlib import Path
 
@@ -17,33 +15,27 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.plugins.environments import LightningEnvironment
 from lightning.pytorch.strategies import StrategyRegistry
 
-import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.files import hash_of, json_object, write_json
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.blocks import convolutions
-from hilbertvae.reconstruction.likelihood import LIKELIHOODS
-from hilbertvae.reconstruction.networks import NETWORKS, check_kind
 from hilbertvae.reconstruction.precision import training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reports.run_state import CHECKPOINTS, TRAINING, clear
+from hilbertvae.reports.run_state import CHECKPOINTS, NETWORK
 from hilbertvae.reports.tensorboard import FLUSH_S
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.scoring.calibration import check_learnable
-from hilbertvae.training.checkpoints import AtomicCheckpoints, MovableCheckpoint, PatienceOnce
+from hilbertvae.training.checkpoints import AtomicCheckpoints, MovableCheckpoint, PatienceOnce, read_checkpoint
 from hilbertvae.training.devices import check_accelerator, training_device
-from hilbertvae.training.foreign_code import foreign_source
 from hilbertvae.training.grids_datamodule import GridsDataModule
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
-from hilbertvae.training.kept_grids import GRID_SOURCES, code_hash
-from hilbertvae.training.kept_network import KeptNetwork
+from hilbertvae.training.kept_network import KeptNetwork, kept_name
 from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.plain_settings import plain_settings
 from hilbertvae.training.reconstruction_module import ReconstructionModule
 from hilbertvae.training.scoring import Writer, score, use_threads
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import check_unseen
-from hilbertvae.training.training_hash import first_differences, trained_by, training_hash
+from hilbertvae.training.training_folder import begin_anew, check_folder, finished_network, is_of, last_epoch
 
 BEST = {"monitor": "val/gap_nll", "mode": "min"}
 DISTRIBUTED = ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_PORT")
@@ -51,28 +43,13 @@ DISTRIBUTED = ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_P
 take it for the word of a cluster that has started its processes already, and wait for them for ever."""
 
 
-def kept_name(settings: Settings) -> str:
-    """What names a kept network: its settings, and the code that trains it and learns its Hilbert Map's weights.
-
-    An `InputError` for a network or likelihood whose code can't be read: it may be another one the next time.
-    """
-    code = code_hash((*GRID_SOURCES, "mappers", "reconstruction", "scoring/calibration.py", "scoring/cases.py", "training"))
-    check_kind(settings.network)
-    network = [type(settings.network), NETWORKS[settings.network.kind][1]]
-    own = []
-    for what, kinds in (("network", network), ("likelihood", [LIKELIHOODS[settings.likelihood.kind]])):
-        own += map(foreign_source, kinds)
-        if None in own:
-            raise InputError(f"trained: expected none with a {what} whose code is in no file; write it into a module")
-    return hash_of([training_hash(settings), hilbertvae.__version__, code, *filter(None, own)])
-
-
 def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: Writer | None = None) -> Path:
     """Train a network, learn its Hilbert Map's weights on sites it has not seen, and return the path of `model.safetensors`.
 
     mappers: by name, what is scored on the test sites afterwards; `write(result, site, fitted)` is handed each `Result`. A run that
     was interrupted goes on from its last epoch, if its settings are the same; one whose network is kept in `settings.trained` takes
-    that. Raises `InputError` for bad settings, and `FloatingPointError` for a loss that is not finite.
+    that, and one that had ended before its checkpoints were removed its own. Raises `InputError` for bad settings, and
+    `FloatingPointError` for a loss that is not finite.
     """
     settings = plain_settings(settings)
     settings.check()
@@ -93,12 +70,15 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
             check_unseen(sites, card, key, "trainer.initial")
     check_folder(settings)
     kept = KeptNetwork(settings.trained, kept_name(settings)) if settings.trained and first_rank() else None
-    checkpoint = output / "model.safetensors"
+    checkpoint = output / NETWORK
     reconstructor = kept.take(checkpoint) if kept else None
     if reconstructor:
         print(f"{output}: its network was trained before and is kept as {kept.path}")
-        if not _is_of(output, settings):
-            _begin_anew(output, settings)
+        if not is_of(output, settings):
+            begin_anew(output, settings)
+    elif not settings.trained and (reconstructor := finished_network(output, settings)):
+        print(f"{output}: its network was trained before, and its checkpoints are gone")
+    if reconstructor:
         score(settings, mappers or {}, reconstructor, write)
         return checkpoint
     try:
@@ -119,7 +99,7 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)  # its tips and device lists, twice under Hydra
     if not (output / CHECKPOINTS / "last.ckpt").exists():
         _check_calibration_sites(settings)
-    resume = _last_epoch(output, settings)
+    resume = last_epoch(output, settings)
     best = MovableCheckpoint(output / CHECKPOINTS, "best", enable_version_counter=False, **BEST)
     # One of its own: `save_last` writes only where an epoch was the best so far, and a resumed run would go back to that.
     last = MovableCheckpoint(output / CHECKPOINTS, "last", enable_version_counter=False)
@@ -186,59 +166,4 @@ def _precision(settings: Settings) -> str:
 
 def _steps_done(resume: Path | None) -> int | None:
     """How many steps a checkpoint has behind it. What was logged after it is taken again, and its curves would double back."""
-    return torch.load(resume, map_location="cpu", weights_only=True)["global_step"] if resume else None
-
-
-def _last_epoch(output: Path, settings: Settings) -> Path | None:
-    """The checkpoint to go on from, if the folder holds one.
-
-    A job whose network is kept is made anew instead, also after a change of the code: what it left is filed under the hash of both, and
-    whoever changes a sweep's settings asks for other networks. A single run goes on over a change of the code, as a long one may have to.
-    """
-    last = output / CHECKPOINTS / "last.ckpt"
-    if last.exists():
-        if _is_of(output, settings):
-            return last
-        print(f"{output}: was trained with other settings, or by other code; trained anew")
-    _begin_anew(output, settings)
-    return None
-
-
-def check_folder(settings: Settings) -> None:
-    """An `InputError` if the folder of the run holds the training of another one, which it would go on from or write over. One that is
-    kept may be written over by one that is to be kept, too."""
-    output = Path(settings.output)
-    found = json_object(output / TRAINING) if (output / CHECKPOINTS / "last.ckpt").exists() else None
-    if found is None or (settings.trained and "kept_name" in found):
-        return
-    same = found.get("training_hash") == training_hash(settings)
-    if settings.trained and same:
-        ways = "leave it out to go on, choose another `name`, or remove the folder"
-        raise InputError(f"trained: {output} holds a training that was begun without it; {ways}")
-    if not same:
-        before = found.get("settings")
-        other = first_differences(_as_read(settings), before) if isinstance(before, dict) else ""
-        told = f" ({other})" if other else ""
-        raise InputError(f"output: {output} holds a run with other settings{told}; choose another `name`, or remove the folder")
-
-
-def _is_of(output: Path, settings: Settings) -> bool:
-    found = json_object(output / TRAINING)
-    return all(found.get(key) == value for key, value in _made_of(settings).items())
-
-
-def _made_of(settings: Settings) -> dict[str, str]:
-    return {"training_hash": training_hash(settings)} | ({"kept_name": kept_name(settings)} if settings.trained else {})
-
-
-def _begin_anew(output: Path, settings: Settings) -> None:
-    """What lies there of another network goes: its last epoch would be gone on from, and its curves be shown as this one's."""
-    if settings.trained or (output / TRAINING).exists():
-        shutil.rmtree(output / CHECKPOINTS, ignore_errors=True)
-        clear(output)
-    write_json(output / TRAINING, {**_made_of(settings), "settings": _as_read(settings)})
-
-
-def _as_read(settings: Settings) -> dict:
-    """All that decides a network, as JSON has it."""
-    return json.loads(json.dumps(trained_by(settings), default=str))
+    return read_checkpoint(resume)["global_step"] if resume else None
