@@ -6,6 +6,7 @@ import os
 import pytest
 from warm_start import train
 
+from hilbertvae.checks import InputError
 from hilbertvae.commands.sweep_progress import Job, say_how_it_ended, stamps
 from hilbertvae.reports.run_state import write_refusal
 from toy_sweeps import put, put_failed
@@ -40,7 +41,7 @@ def test_what_lay_there_before_is_not_counted(tmp_path, capsys):
     (tmp_path / "none-seed0").mkdir()
     (tmp_path / "none-seed0/model.safetensors").touch()
     before = stamps(jobs)
-    write_refusal(tmp_path / "refused-seed0", ValueError("no such gap"))
+    write_refusal(tmp_path / "refused-seed0", InputError("no such gap"))
     put(tmp_path, "new-seed0", {"nearest": [0.5, 0.6]})
     put_failed(tmp_path, "fails-seed0", "MemoryError: too large")
     os.utime(again)
