@@ -81,7 +81,7 @@ def read_bag(
                 pose = finder.at(frame, stamp_ns) if finder else None
             cloud = finder.as_seen(frame, stamp_ns, cloud) if finder else cloud
             start = beam_origins(cloud)
-            lengths = beam_lengths(cloud, start)
+            lengths = beam_lengths(cloud, start).round(4)  # as ranges are: made of float32, some of a code's are a little shorter
             clipped.see(lengths)
             kept = found.within(lengths)
             turns = deskew and not (finder and frame in finder.registered)  # a SLAM has turned their beams back already
