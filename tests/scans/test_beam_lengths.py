@@ -101,8 +101,8 @@ def test_what_a_laser_writes_where_nothing_came_back_is_no_beam_too_long():
         assert told(np.hstack([near, np.full((4, 120), code)]), 30.0) == []
 
 
-def clipped(*scans):
-    check = ClippedCheck(80.0)
+def clipped(*scans, of_points=False):
+    check = ClippedCheck(80.0, of_points)
     for ranges in scans:
         check.see(np.array(ranges, float))
     with warnings.catch_warnings(record=True) as caught:
@@ -132,13 +132,14 @@ def test_ranges_beyond_the_limit_are_kept_as_one():
     assert len(check._alike) == 1
 
 
-def test_ranges_that_a_lidar_rounds_are_no_code():
+@pytest.mark.parametrize("of_points", [False, True])
+def test_ranges_that_a_lidar_rounds_are_no_code(of_points):
     """A room of 8 x 6 x 2 m around a lidar of 32 rings, its ranges to 10 cm; a fifth of them have the one that most have."""
     around, up = np.meshgrid(np.linspace(-np.pi, np.pi, 360, endpoint=False), np.deg2rad(np.linspace(-25, 15, 32)))
     beams = np.abs(np.stack([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)]).reshape(3, -1))
     with np.errstate(divide="ignore"):
         ranges = (np.array([[4.0], [3], [1]]) / beams).min(axis=0)
-    assert not clipped(ranges) and not clipped(ranges.round(2)) and not clipped(ranges.round(1))
+    assert not any(clipped(ranges.round(digits), of_points=of_points) for digits in (9, 2, 1))
 
 
 def test_a_code_is_seen_though_a_wall_has_more_of_one_range():

@@ -103,11 +103,7 @@ class UnitCheck:
 
 
 class ClippedCheck:
-    """Sees all ranges, scan by scan, and warns where they end at one that many beams have, which says that there was no return.
-
-    Returns are no such range, however they are rounded: of KITTI's, nuScenes' and NCLT's, to 10 cm, 100 times as many and more are longer
-    than the one that most have.
-    """
+    """Sees all ranges, scan by scan, and warns where they end at one that many beams have, which says that there was no return."""
 
     def __init__(self, max_range_m: float, of_points: bool = False):
         """max_range_m: from where ranges are dropped. of_points: they are distances of points, which rounded coordinates make uneven."""

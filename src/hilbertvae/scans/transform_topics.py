@@ -7,6 +7,7 @@ import os
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
+from hilbertvae.scans.bag_poses import nanoseconds
 from hilbertvae.scans.transform_tree import Sources, TransformTree
 
 PLAIN = ("tf", "tf_static")
@@ -25,9 +26,8 @@ class TransformTopics:
         static = _split(topic)[-1].startswith("tf_static")
         tree = self._trees[static].setdefault(topic, TransformTree())
         for each in transforms:
-            stamp, move = each.header.stamp, each.transform
-            stamp_ns = int(stamp.sec) * 10**9 + int(stamp.nanosec)
-            tree.add(each.header.frame_id, each.child_frame_id, stamp_ns, move.translation, move.rotation, static)
+            header, move = each.header, each.transform
+            tree.add(header.frame_id, each.child_frame_id, nanoseconds(header.stamp), move.translation, move.rotation, static)
 
     def tree(self, scan_topic: str) -> TransformTree:
         """Each frame as one topic has it, static and moving ones apart: where topics differ, as that of `topic_beside` does.
