@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hilbertvae.grids.aligned_grid import cell_index
 from hilbertvae.grids.frame import Frames
-from hilbertvae.grids.kernel import NONE, FrameIndex, kernel, kernels
+from hilbertvae.grids.kernel import NONE, TIED_M, FrameIndex, kernel, kernels
 
 
 def random_frames(rng, count, dimension, turned, spread=4.0, one_scale=False):
@@ -26,9 +26,9 @@ def inside_by_loop(frames, m, query):
 
 
 def holding_by_loop(frames, query, nearest):
-    """Eq. 8: the `nearest` frames by centre among those whose box holds the query."""
+    """Eq. 8: the `nearest` frames by centre among those whose box holds the query, of equally near ones the first."""
     holds = [m for m in range(len(frames)) if inside_by_loop(frames, m, query) is not None]
-    holds.sort(key=lambda m: np.linalg.norm(query - frames.centre[m]))
+    holds.sort(key=lambda m: round(np.linalg.norm(query - frames.centre[m]) / TIED_M))
     return (holds + [NONE] * nearest)[:nearest]
 
 
@@ -116,6 +116,38 @@ def test_queries_on_a_box_s_lower_sides_are_its_own(dimension, origin, cells):
     np.testing.assert_array_equal(inside.reshape(600, 9), holds)
     expected = np.ravel_multi_index(tuple(np.clip(steps + half, 0, cells - 1).reshape(-1, dimension).T), (cells,) * dimension)
     np.testing.assert_array_equal(cell[inside], expected[inside])
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_of_boxes_equally_near_the_first_comes_first_wherever_the_site_lies(dimension):
+    """On a lattice many are, and rounding, which differs from place to place, must not say which."""
+    rng, voxel_m = np.random.default_rng(0), 0.2
+    middles, asked = rng.integers(-12, 12, (2, 120, dimension))
+    found = []
+    for corner in (0, 16, 2_496_000):
+        frames = Frames((middles + corner) * voxel_m, np.tile(np.eye(dimension), (120, 1, 1)), np.full(120, 4.0))
+        queries = (asked + corner + 0.5) * voxel_m
+        found.append(FrameIndex(frames).holding(queries, 5))
+        np.testing.assert_array_equal(found[-1], [holding_by_loop(frames, query, 5) for query in queries])
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_array_equal(found[0], found[2])
+    held = np.linalg.norm(np.where(found[0] == NONE, np.nan, 1)[..., None] * (middles[found[0]] - asked[:, None] - 0.5), axis=2)
+    assert (np.diff(held, axis=1) == 0).any(axis=1).mean() > 0.2
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_box_that_holds_a_query_has_a_cell_for_it(dimension):
+    """Also just below the box's upper side, nearer to it than cells are told apart, as float32 coordinates come to lie."""
+    frames = Frames(np.zeros((1, dimension)), np.eye(dimension)[None], np.full(1, 1.6))
+    below = np.float32([0.8 - 1e-6, 0.8 - 6e-8, 0.8 - 2e-8]).astype(float)
+    queries = np.array(list(itertools.product([-0.8, 0.3, *below], repeat=dimension)))
+    inside = cell_index(frames, queries, np.zeros(len(queries), int), 16)[1]
+    assert 0 < inside.sum() < len(queries)  # what is binned there lies in the next box
+    holding = FrameIndex(frames).holding(queries, 1)
+    assert (holding == 0).all()
+    grids = np.arange(1.0, 1 + 16**dimension, dtype=np.float32).reshape(1, *(16,) * dimension)
+    places = np.minimum(np.floor((queries + 0.8) / 0.1 + 1e-9).astype(int), 15)
+    np.testing.assert_array_equal(kernel(grids, frames, queries, holding)[:, 0], grids[0][tuple(places.T)])
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -131,11 +131,16 @@ def mean_places(cloud: Cloud, frames: Frames, found: Members, cells: int) -> np.
     return means.astype(np.int8).reshape(dimension, found.count(), *(cells,) * dimension).swapaxes(0, 1)
 
 
-def cell_index(frames: Frames, points: np.ndarray, frame: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray]:
-    """The flat cell (P,) that holds each point in the grid of its frame, and whether the box holds it at all (P,) bool."""
+def cell_index(frames: Frames, points: np.ndarray, frame: np.ndarray, cells: int, held: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """The flat cell (P,) that holds each point in the grid of its frame, and whether the box holds it at all (P,) bool.
+
+    held: each box is known to hold its point; one as near to the upper side as rounding goes is in the last cell, not in the next box's.
+    """
     flat, inside = np.zeros(len(points), np.int64), np.ones(len(points), bool)
     for axis in frames.into(points, frame).T:
         cell = np.floor((axis + 0.5) * cells + SLACK).astype(np.int64)
+        if held:
+            np.clip(cell, 0, cells - 1, out=cell)
         inside &= (cell >= 0) & (cell < cells)
         flat = flat * cells + cell
     return flat, inside

@@ -24,8 +24,9 @@ MOST_PLACES = 2**62
 """Patches of a lattice that are told apart by one number; of a wider one, around sites a thousand kilometres apart, by their rows."""
 NONE = -1
 SLACK = 1e-9
-"""Of a box: what rounding may move a query that lies on a box's side, as those on voxel centres do. Less than that of a cell
-(`aligned_grid`), so that a box that is said to hold a query has a cell for it."""
+"""Of a box: what rounding may move a query that lies on a box's side, as those on voxel centres do."""
+TIED_M = 1e-6
+"""Distances from boxes' centres that differ by less are one: on a lattice many are, and rounding would say which box comes first."""
 
 
 class FrameIndex:
@@ -107,6 +108,8 @@ class FrameIndex:
         for axis in moved[1:]:
             distance += np.multiply(axis, axis, out=room)
         np.sqrt(distance, out=distance)
+        distance /= TIED_M
+        np.rint(distance, out=distance)
         if self.frames.turned:
             turn = self.frames.rotation[candidate]
             moved = [
@@ -126,7 +129,7 @@ class FrameIndex:
         if chosen.shape[1] < nearest:
             chosen = np.pad(chosen, ((0, 0), (0, nearest - chosen.shape[1])), constant_values=NONE)
             return chosen, np.isinf(beyond[member])
-        return chosen, np.minimum(found[:, -1], self.reach_m) < beyond[member]
+        return chosen, np.minimum(TIED_M * found[:, -1], self.reach_m) < beyond[member] - TIED_M
 
 
 def _nearest_first(distance: np.ndarray, nearest: int) -> tuple[np.ndarray, np.ndarray]:
@@ -167,8 +170,7 @@ def _put_kernels(values, several, frames, queries, holding, interpolated) -> Non
     if interpolated:
         found = _between(several, frames.into(queries, frame), frame)
     else:
-        cell, inside = cell_index(frames, queries, frame, cells)
-        place, cell = place[inside], cell[inside] + frame[inside] * cells ** queries.shape[1]
+        cell = cell_index(frames, queries, frame, cells, held=True)[0] + frame * cells ** queries.shape[1]
         found = [grids.reshape(-1)[cell] for grids in several]
     for kind, read in zip(values, found, strict=True):
         kind.reshape(-1)[place] = read

@@ -5,12 +5,11 @@ from __future__ import annotations
 from threading import Lock
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
-from hilbertvae.cores import workers
 from hilbertvae.mappers.growing_array import GrowingArray
+from hilbertvae.mappers.nearness import Nearness
 from hilbertvae.mappers.vote_share import SHARES, share_features
 from hilbertvae.mappers.voxel_bricks import NONE, VoxelBricks
 from hilbertvae.sums import sums_by
@@ -19,8 +18,6 @@ from hilbertvae.voxel_votes import MARGIN, voxel_index
 FAR_VOXELS = 2.0
 """Distances are cut off here: the block of neighbours that is searched reaches no farther."""
 NEAREST_HITS = 3
-NEAR_M = 2.5
-"""How far from what was seen, along each axis, `away` reaches: as far as real occlusion is scored (METHOD 7)."""
 BRICKS_AT_ONCE = 64
 """Few enough that their votes stay in the processor's cache. Changes no number."""
 
@@ -44,7 +41,7 @@ class Evidence:
         self.bricks = VoxelBricks(dimension)
         self._brick_m = self.bricks.side * resolution_m
         self._changes = 0
-        self._found: tuple[int, cKDTree, cKDTree] | None = None
+        self._found: tuple[int, Nearness] | None = None
         self._place, self._features = GrowingArray(np.zeros(1, np.int64)), GrowingArray(np.zeros((1, 4)))
         self._hits, self._frees = GrowingArray(np.zeros(1)), GrowingArray(np.zeros(1))
         self._hit_mean, self._free_mean = ([GrowingArray(np.full(1, np.inf, np.float32)) for _ in range(dimension)] for _ in range(2))
@@ -161,26 +158,17 @@ class Evidence:
         return np.where(row == 0, NONE, row)
 
     def away(self, queries: np.ndarray) -> np.ndarray:
-        """(Q,) metres from each query to the middle of the nearest voxel with a return, at most `NEAR_M`; infinite where no brick with a
-        seen voxel lies within `NEAR_M` along every axis."""
-        if not len(self) or not len(queries):
-            return np.full(len(queries), np.inf)
-        middles, returns = self._trees()
-        near = np.isfinite(
-            middles.query(queries, p=np.inf, distance_upper_bound=NEAR_M + 0.5 * self._brick_m, workers=workers(len(queries)))[0]
-        )
-        away = np.full(len(queries), np.inf)
-        away[near] = np.minimum(returns.query(queries[near], distance_upper_bound=NEAR_M, workers=workers(len(queries)))[0], NEAR_M)
-        return away
+        """`Nearness.away` of (Q, D) queries; infinite where nothing was seen at all."""
+        return self._nearness().away(queries) if len(self) and len(queries) else np.full(len(queries), np.inf)
 
-    def _trees(self) -> tuple[cKDTree, cKDTree]:
-        """Over the middles of bricks, and of voxels with a return; made anew after `add`, by one of the threads that ask."""
+    def _nearness(self) -> Nearness:
+        """Made anew after `add`, by one of the threads that ask."""
         with _ONE_AT_A_TIME:
             if self._found is None or self._found[0] != self._changes:
-                hit = self.bricks.indices(self.places[1:][self.hits[1:] > 0])
-                middles = cKDTree((self.bricks.corners + 0.5) * self._brick_m)
-                self._found = self._changes, middles, cKDTree((hit + 0.5) * self.resolution_m)
-            return self._found[1:]
+                middles = (self.bricks.indices(self.places[1:]) + 0.5) * self.resolution_m
+                bricks = (self.bricks.corners + 0.5) * self._brick_m
+                self._found = self._changes, Nearness(middles, self.hits[1:] > 0, bricks, self._brick_m)
+            return self._found[1]
 
     def features(self, queries: np.ndarray, voxel: np.ndarray) -> np.ndarray:
         """(Q, F) what the Hilbert Map is told of `queries (Q, D)` in the seen voxels `voxel (Q,)`.
