@@ -98,7 +98,19 @@ def test_how_networks_are_trained_is_not_said_beside_one(network, word):
     with pytest.raises(InputError, match=f"^{key_of(word)}: expected none beside checkpoint=.*, which was trained before"):
         refuse_ignored(settings, ["name=again", word])
     refuse_ignored(settings, ["trainer.threads=2", "trainer={accelerator: cpu}", "trainer=ddp", "debug=fast"])  # how maps are made, too
-    refuse_ignored(settings_of(), [word])
+    refuse_ignored(settings_of("data.train=[aces]"), [word])
+
+
+@pytest.mark.parametrize(("word", "words", "with_some"), [
+    ("clustering.clusterings=2", [], ["data.train=[aces]"]), ("clustering={clusterings: 2}", [], ["data.train=[aces]"]),
+    ("data.simulated_first=9", ["data.train=[aces]", "data.simulated=0"], []),
+    ("data.simulated_clusterings=1", ["data.train=[aces]", "data.simulated=0"], []),
+    ("data.reading.max_range_m=9", [], ["data.test=[./own.log]"]), ("data={reading: {every: 2}}", [], ["data.validate=./own.log"]),
+])  # fmt: skip
+def test_settings_of_sites_that_a_run_has_none_of_are_not_typed(word, words, with_some):
+    with pytest.raises(InputError, match=rf"^{key_of(word)}\S*: expected none with"):
+        refuse_ignored(settings_of(*words), ["name=again", word])
+    refuse_ignored(settings_of(*with_some), ["name=again", word])
 
 
 @pytest.mark.parametrize(("word", "other"), [("data.simulated_scans=5", 3), ("data={simulated_variety: wide}", 3),

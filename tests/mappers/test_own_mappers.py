@@ -39,6 +39,7 @@ class Own(Mapper):
             r"Own._probability: expected shape \(\d+,\), p\(occupied\) of each query, got \(\d+, 2\)",
         ),
         (lambda q: np.full(len(q), 2.0), "Own._probability: expected numbers from 0 to 1, got 2.0"),
+        (lambda q: np.full(len(q), np.nan), "Own._probability: expected numbers from 0 to 1, got nan"),
         (lambda q: np.full(len(q), -0.1), "Own._probability: expected numbers from 0 to 1, got -0.1"),
     ],
 )

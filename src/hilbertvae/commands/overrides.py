@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.training.settings import TRAINED, Settings
 
 OF_A_NETWORK = ("network", "grid", "start", "likelihood", "calibration_occupied_weight")
@@ -29,8 +30,8 @@ OF_ANOTHER_SPACE = {
 
 
 def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
-    """An `InputError` for a setting that nothing would come of: of simulated sites as they are in the other dimension, or, typed beside a
-    `checkpoint`, of what that network brings with it. So it is where mappers name the networks, and none is trained."""
+    """An `InputError` for a setting that nothing would come of: of sites as they are in the other dimension, or as none of the run's is,
+    or, typed beside a `checkpoint`, of what that network brings with it. So it is where mappers name the networks, and none is trained."""
     theirs, why = OF_ANOTHER_SPACE[settings.dimension]
     for key in _typed_keys(overrides):
         if key.startswith(theirs):
@@ -38,7 +39,9 @@ def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
     named = named_networks(settings)
     own = f"checkpoint={settings.checkpoint}" if settings.checkpoint else next((f"{key}={path}" for key, path in named.items()), "")
     trains = any(isinstance(mapper, dict) and mapper.get("reconstructor") == TRAINED for mapper in settings.mapper.values())
-    if not own or (trains and not settings.checkpoint):
+    training = not own or (trains and not settings.checkpoint)
+    _refuse_of_no_site(settings, overrides, training)
+    if training:
         return
     several = not settings.checkpoint and len({*named.values()}) > 1  # whose boxes maps of raw grids can't all have
     for key in _typed_keys(overrides):
@@ -52,6 +55,20 @@ def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
         if key in OF_ITS_WEIGHTS and not any(map(_learns_weights, settings.mapper.values())):
             anew = "they are learned anew for maps with `neighbours`, `inner_radius_m` or `resolution_m` of their own"
             raise InputError(f"{key}: expected none beside {own}, which has its map's weights; {anew}")
+
+
+def _refuse_of_no_site(settings: Settings, overrides: list[str], training: bool) -> None:
+    """An `InputError` for a setting of sites of a kind that the run has none of."""
+    data, absent = settings.data, []
+    if training and not data.train:
+        absent.append((("clustering.clusterings",), "without sites in data.train; simulated ones have data.simulated_clusterings"))
+    if training and not data.simulated:
+        absent.append((("data.simulated_first", "data.simulated_clusterings"), "with data.simulated=0"))
+    if not any(map(is_scan_path, (*data.train, data.validate, *data.calibrate, *data.test))):
+        absent.append((("data.reading",), "without a site at a path"))
+    for key in _typed_keys(overrides):
+        if why := next((why for theirs, why in absent if key.startswith(theirs)), None):
+            raise InputError(f"{key}: expected none {why}")
 
 
 def named_networks(settings: Settings) -> dict[str, str]:

@@ -164,10 +164,10 @@ class Mapper(ClassifierMixin, BaseEstimator):
 
     def _one_each(self, queries: np.ndarray) -> np.ndarray:
         """`_probability` of some queries, checked: a mapper of somebody's own may say something else."""
-        occupied, name = np.asarray(self._probability(queries)), type(self).__name__
+        occupied, name = np.asarray(self._probability(queries), np.float64), type(self).__name__
         if occupied.shape != (len(queries),):
             raise ValueError(f"{name}._probability: expected shape {(len(queries),)}, p(occupied) of each query, got {occupied.shape}")
-        if (wrong := (occupied < -ROUNDING) | (occupied > 1 + ROUNDING)).any():
+        if (wrong := ~((occupied >= -ROUNDING) & (occupied <= 1 + ROUNDING))).any():  # NaN, too
             raise ValueError(f"{name}._probability: expected numbers from 0 to 1, got {occupied[wrong][0]}")
         return occupied
 
