@@ -1,13 +1,14 @@
 """Colours that mean different things are different colours, also to eyes that lack a kind of cones."""
 
 import re
+from itertools import combinations
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 from skimage.color import deltaE_ciede2000, rgb2lab
 
-from hilbertvae.drawing.colours import UNCERTAINTY
+from hilbertvae.drawing.colours import OTHERS, OURS, UNCERTAINTY
 from hilbertvae.drawing.lit_colours import GAP_TINT, HEIGHT, LIT, LIT_TINT, PREDICTED_SHARE, UNCERTAINTY_TINT, height_colours, tinted
 from hilbertvae.drawing.oblique import TINT
 from hilbertvae.exports.page import TEMPLATE
@@ -62,3 +63,10 @@ def test_on_a_page_a_mark_changes_any_colour(eye, colours, tint):
 def test_heights_a_metre_apart_differ(eye):
     metres = HEIGHT((np.arange(5) + 0.4) / 4.8)[:, :3]
     assert all(nearest(metres[[low]], metres[[low + 1]], eye) > 10 for low in range(4))
+
+
+@pytest.mark.parametrize("eye", EYES)
+def test_lines_of_several_mappers_are_told_apart(eye):
+    """The nearest are a grey and a pink; dashes and markers go with them."""
+    drawn = [np.array([to_rgb(colour)]) for colour in (OURS, *OTHERS)]
+    assert min(nearest(one, other, eye) for one, other in combinations(drawn, 2)) > 6.5

@@ -103,6 +103,8 @@ def test_tradeoff(tmp_path):
     }  # fmt: skip
     assert float(rows["cells-64"]["fit_s_mean"]) == 3 and float(rows["k-1"]["gaps_voxels_auc_mean"]) == pytest.approx(0.65)
     assert inked(page)
+    lines, _ = page.figure().axes[0].get_legend_handles_labels()
+    assert len({line[0].get_marker() for line in lines}) == len(lines) == 4
 
 
 def test_tradeoff_of_a_network_without_sampling_reads_the_mapper_as_it_is_configured(tmp_path):
