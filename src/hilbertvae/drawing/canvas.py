@@ -50,6 +50,8 @@ def pixels(figure: Figure) -> np.ndarray:
     canvas = FigureCanvasAgg(figure)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")  # a line for each letter of a name that has others than the font's
+        if figure.get_layout_engine() is not None:
+            figure.get_layout_engine().execute(figure)  # once more than drawing does: the first time leaves titles half outside
         canvas.draw()
     return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
