@@ -73,6 +73,11 @@ def title_of(axes: Axes, text: str, **how) -> None:
     axes.set_title(text, **{"fontsize": 10, "loc": "left", "pad": 3, **how}, parse_math=False)
 
 
+def corner_note(figure: Figure, text: str) -> None:
+    """Small words in the upper right corner, above all titles."""
+    figure.suptitle(text, x=0.995, ha="right", fontsize=8, color="#555555")
+
+
 def bare_axes(axes: Axes) -> None:
     """A thin frame without ticks."""
     axes.set(xticks=[], yticks=[])

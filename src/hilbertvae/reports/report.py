@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from hilbertvae.cloud import Cloud
-from hilbertvae.drawing.canvas import save_picture
+from hilbertvae.drawing.canvas import corner_note, save_picture
 from hilbertvae.drawing.lit_colours import surface_colours
 from hilbertvae.drawing.mesh_tab import add_surface
 from hilbertvae.drawing.surface import Surface, field_surface, write_ply
@@ -164,24 +164,28 @@ class Report:
             return mapper.fit(shown.points, shown.occupied, shown.weight)
 
         fitted = {name: fit(name) for name in (ours, rival) if name}
+        of_gaps = {}
         if fitted:
             if site.dimension == 3:
                 mapper = fitted[ours or rival]
                 by_points = for_points(ours or "")
                 view = SiteView.draw(site, gaps, shown, mapper, fit(by_points, mapper) if by_points in scored else None)
                 surface = field_surface(view.field, shown.points[shown.occupied])
-                figures |= {"map": site_view_picture(view), "gaps": close_up_picture(view), "slices": slice_picture(view)}
+                of_gaps |= {"map": site_view_picture(view), "gaps": close_up_picture(view), "slices": slice_picture(view)}
                 telling = list(telling_gaps(view))[:UNSURE_GAPS]
             else:
                 maps = SiteMaps.draw(site, gaps, shown, fitted)
-                figures |= {"map": site_map_picture(maps), "gaps": gap_zoom_picture(maps)}
+                of_gaps |= {"map": site_map_picture(maps), "gaps": gap_zoom_picture(maps)}
                 telling = maps.telling(UNSURE_GAPS)
             if ours and telling and len(fitted[ours].frames_):
-                figures["uncertainty"] = uncertainty_picture(fitted[ours], site, gaps, telling)
+                of_gaps["uncertainty"] = uncertainty_picture(fitted[ours], site, gaps, telling)
             inside = site.voxels.select(gaps.part(site.voxels.points) == INSIDE)
             if len(inside):
                 answers = {name: (inside.occupied, m.predict_proba(inside.points)[:, 1]) for name, m in fitted.items()}
-                figures["reliability"] = reliability_picture(answers, f"{site.name}, voxels in gaps")
+                of_gaps["reliability"] = reliability_picture(answers, f"{site.name}, voxels in gaps")
+        for figure in of_gaps.values():
+            corner_note(figure, _which_gaps(result.gap_seeds))
+        figures |= of_gaps
         if ours:
             figures |= _network_figures(fitted[ours], site, shown)
         return figures, surface
@@ -194,6 +198,11 @@ class Report:
         tensorboard = Path(os.path.relpath(Path(sys.executable).parent)) / "tensorboard"
         print(f"TensorBoard: {shlex.join([str(tensorboard), '--logdir', str(self.folder)])}")
         return int(bool(self.failed))
+
+
+def _which_gaps(seeds: list[int]) -> str:
+    """Scores are of all gap seeds, pictures of gaps of one."""
+    return f"gap seed {seeds[0]}" + (f", the first of {len(seeds)}" if len(seeds) > 1 else "")
 
 
 def _network_figures(mapper: HilbertMap, site: Site, shown: Cloud) -> dict[str, Figure]:
