@@ -149,6 +149,16 @@ def test_where_the_map_of_one_run_failed_no_other_stands_in_for_it(tmp_path):
     assert rows["lone"]["gaps_auc_mean"] == rows["lone"]["gaps_auc_difference_mean"] == "" and rows["lone"]["gaps_voxels_auc_mean"] != ""
 
 
+def test_differences_of_fewer_trainings_than_n_say_so(tmp_path):
+    for case, seeds in (("default", (0, 2)), ("no-skips", (0, 1, 2)), ("turned", (0, 2)), ("other", (1,))):
+        for seed in seeds:
+            put(tmp_path, f"{case}-seed{seed}", {"cvae-hm": [0.2, 0.3], "cvae-hm-points": [0.8, 0.8]})
+    rows = by(table(read_page(tmp_path, "ablation")), "case")
+    assert rows["no-skips"]["n"] == "3×2" and rows["no-skips"]["note"].startswith("differences of 2 of 3 training seeds; ")
+    assert rows["other"]["note"].startswith("differences of 0 of 1 training seeds; ")
+    assert "differences" not in rows["default"]["note"] + rows["turned"]["note"]
+
+
 def test_n_and_spread_are_of_the_trainings_that_were_scored(tmp_path):
     for seed in (0, 1, 2):
         put(tmp_path, f"default-seed{seed}", {"cvae-hm": [0.8, 0.7]})
