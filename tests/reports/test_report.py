@@ -117,7 +117,7 @@ def test_a_network_that_decodes_more_than_z_has_all_pictures_but_that_of_its_pri
     drawn = []
     for network in (made.network, Skipping(made.network)):
         mapper = HilbertMap(replace(made, network=network)).fit(shown.points, shown.occupied, shown.weight)
-        drawn.append(set(_network_figures(mapper, site, shown)))
+        drawn.append(set(_network_figures(mapper, site, shown, gaps)))
     assert drawn[0] - drawn[1] == {"prior"} and drawn[1] <= drawn[0]
 
 
