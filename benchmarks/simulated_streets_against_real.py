@@ -27,6 +27,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from hilbertvae.scans.scan import Scans
@@ -154,29 +155,36 @@ def range_image(view: View) -> np.ndarray:
     return image
 
 
-def draw(path: Path, views: list[View], columns: int = 2) -> None:
+def drawn(views: list[View], columns: int = 2) -> Figure:
     """Each scan from above and from the side, coloured by height, and its range image."""
     rows = -(-len(views) // columns)
-    figure = plt.figure(figsize=(12 * columns, 6.4 * rows))
-    grid = figure.add_gridspec(3 * rows, 2 * columns, height_ratios=[4, 1, 1.2] * rows, hspace=0.12, wspace=0.05)
+    figure = plt.figure(figsize=(12 * columns, 6.6 * rows))
+    grid = figure.add_gridspec(rows, columns, hspace=0.12, wspace=0.08)
     for k, view in enumerate(views):
-        row, column = 3 * (k // columns), 2 * (k % columns)
+        parts = grid[k // columns, k % columns].subgridspec(3, 2, height_ratios=[4, 1, 1.2], hspace=0.12, wspace=0.05)
         order = np.argsort(view.height)
         x, y = view.points[order, 0], view.points[order, 1]
         height = view.height[order]
         for offset, reach in ((0, 45), (1, 15)):
-            axis = figure.add_subplot(grid[row, column + offset])
+            axis = figure.add_subplot(parts[0, offset])
             axis.scatter(x, y, c=height, cmap="turbo", vmin=-0.3, vmax=4, s=0.25 if reach > 20 else 0.8, linewidths=0)
             axis.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xticks=[], yticks=[], facecolor="black")
             axis.set_title(f"{view.name}, {len(x):,} returns" if offset == 0 else f"nearest {reach} m", fontsize=9)
-        axis = figure.add_subplot(grid[row + 1, column : column + 2])
+        axis = figure.add_subplot(parts[1, :])
         slab = np.abs(y) < 14
         axis.scatter(x[slab], height[slab], c=y[slab], cmap="twilight", s=0.3, linewidths=0)
         axis.set(xlim=(-45, 45), ylim=(-1, 9), aspect="equal", facecolor="black", xticks=[], yticks=[0, 4, 8])
-        axis = figure.add_subplot(grid[row + 2, column : column + 2])
+        axis.set_ylabel("m", labelpad=1)
+        axis = figure.add_subplot(parts[2, :])
         axis.imshow(np.log(range_image(view)), aspect="auto", cmap="turbo", vmin=np.log(3), vmax=np.log(70), interpolation="nearest")
         axis.set(xticks=[], yticks=[])
+    return figure
+
+
+def draw(path: Path, views: list[View]) -> None:
+    """`drawn` as a PNG."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    figure = drawn(views)
     figure.savefig(path, dpi=70, bbox_inches="tight")
     plt.close(figure)
 

@@ -5,6 +5,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
@@ -79,3 +80,16 @@ def test_stages_are_timed_and_put_back():
     with measuring.stage_seconds({"adding": (Work, "add")}) as seconds:
         assert Work.add(1, b=2) == 3
     assert seconds["adding"] > 0 and Work.add is before
+
+
+def test_titles_of_streets_lie_under_no_strip_of_the_row_above():
+    pytest.importorskip("embreex")
+    streets = import_module("simulated_streets_against_real")
+    points = np.random.default_rng(0).uniform([-20, -20, -1.7], [20, 20, 3], (500, 3))
+    figure = streets.drawn([streets.View(f"street {number}", "hdl64", points, points[:, 2] + 1.7) for number in range(4)])
+    figure.draw_without_rendering()
+    titles = [axes.title.get_window_extent() for axes in figure.axes if axes.get_title()]
+    strips = [axes.get_window_extent() for axes in figure.axes if not axes.get_title()]
+    assert len(titles) == len(strips) == 8 and not any(title.overlaps(strip) for title in titles for strip in strips)
+    assert [axes.get_ylabel() for axes in figure.axes].count("m") == 4
+    streets.plt.close(figure)

@@ -32,7 +32,7 @@ def test_simplified_keeps_shape_and_what_was_observed():
         simplified(surface, 0)
 
 
-def test_colours_go_by_height_and_predicted_is_greener():
+def test_colours_go_by_height_and_predicted_is_less_blue():
     surface = globe()
     colours = surface_colours(surface).astype(int)
     assert colours.shape == (len(surface), 3)
@@ -40,7 +40,7 @@ def test_colours_go_by_height_and_predicted_is_greener():
     plain = surface_colours(seen).astype(int)
     low = ~surface.observed
     assert (colours[~low] == plain[~low]).all()
-    assert ((colours - plain)[low][:, 1] > (colours - plain)[low][:, 0]).all()
+    assert ((colours - plain)[low][:, 2] < (colours - plain)[low][:, 0]).all()
     assert surface_colours(Surface(np.empty((0, 3)), np.empty((0, 3), int), np.empty(0), np.empty(0, bool))).shape == (0, 3)
 
 

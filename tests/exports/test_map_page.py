@@ -7,9 +7,11 @@ import subprocess
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
 from PIL import Image
 
 from hilbertvae.checks import InputError
+from hilbertvae.drawing.lit_colours import GAP_TINT, LIT_TINT, UNCERTAINTY_TINT
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.page import write_page
 
@@ -77,6 +79,8 @@ def test_voxels_of_a_solid_map_come_back(tmp_path):
     np.testing.assert_array_equal(value[:, 3] == 255, occupied.observed)
     np.testing.assert_allclose(value[:, 1] / 255, (occupied.probability - 0.6) / 0.4, atol=0.003)
     np.testing.assert_allclose(value[:, 2] / 255, np.clip(occupied.std / 0.5, 0, 1), atol=0.003)
+    tints = {mode["name"]: to_hex(mode["tint"]) for mode in found["modes"]}
+    assert tints == {"height": GAP_TINT, "probability": LIT_TINT, "uncertainty": UNCERTAINTY_TINT}
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -8,6 +8,7 @@ from hilbertvae.reconstruction.reconstructor import Completion
 from hilbertvae.reports.cluster_pictures import (
     completion_rows,
     gapped_clusters,
+    in_grid,
     kernel_probability,
     pipeline_picture,
     prior_picture,
@@ -39,7 +40,7 @@ def test_rows_show_input_answer_truth_and_error_on_known_cells_only():
     shown = target.copy()
     shown[:, 4:10, 3:9] = 0
     values = np.random.default_rng(0).normal(size=target.shape)
-    figure = reconstruction_rows(shown, target, values)
+    figure = reconstruction_rows(shown, target, values, [Gaps(np.array([[6.5, 5.5]]), np.array([3.0]), 1.0)] * 2)
     panels = [axes for axes in figure.axes if axes.images][:8]
     first = [axes.images[0].get_array() for axes in panels[:4]]
     np.testing.assert_array_equal(first[0], (shown[0].T + 1) / 2)
@@ -49,8 +50,9 @@ def test_rows_show_input_answer_truth_and_error_on_known_cells_only():
     known = ~first[3].mask
     np.testing.assert_allclose(first[3].data[known], (first[1] - (target[0].T == 1))[known])
     for axes in panels:
-        segments = np.concatenate(axes.collections[0].get_segments())
-        assert (segments.min(axis=0), segments.max(axis=0)) == (pytest.approx([3.5, 2.5]), pytest.approx([9.5, 8.5]))
+        (circle,) = axes.patches
+        assert (tuple(circle.center), circle.radius) == ((6.5, 5.5), 3.0)
+        assert axes.get_xlim() == axes.get_ylim() == (-0.5, 15.5)
 
 
 def test_completions_stand_between_what_was_shown_and_the_truth():
@@ -61,7 +63,8 @@ def test_completions_stand_between_what_was_shown_and_the_truth():
     guess, *draws = np.random.default_rng(0).normal(size=(4, *target.shape))
     known = np.full(target.shape, 255, np.uint8)
     known[:, :4], known[:, 4:6] = 0, 64  # not to be seen, and half as likely as it takes to be shown in full
-    figure = completion_rows(shown, target, Completion(guess.astype(np.float16), known), np.array(draws))
+    gaps = [Gaps(np.array([[6.5, 5.5]]), np.array([3.0]), 1.0)] * 2
+    figure = completion_rows(shown, target, Completion(guess.astype(np.float16), known), np.array(draws), gaps)
     panels = [axes for axes in figure.axes if axes.images][:12]
     assert [axes.get_title() for axes in panels[:6]] == ["input", "guess", "draw 1", "draw 2", "draw 3", "truth"]
     for row in range(2):
@@ -87,17 +90,39 @@ def test_clusters_with_gaps_are_those_that_lost_walls():
 def test_pipeline_selects_the_cluster_that_lost_most(dimension):
     site = room(dimension)
     centre = [2.0, 0.2, 1.0][:dimension]
-    shown = Gaps(np.array([centre]), np.array([0.7]), site.resolution_m).cut(site.fit)
+    gaps = Gaps(np.array([centre]), np.array([0.7]), site.resolution_m)
+    shown = gaps.cut(site.fit)
     made = reconstructor(dimension)
     frames = find_frames(shown, made.grid, 0)
-    figure = pipeline_picture(shown, made, frames, *(bin_grids(cloud, frames, made.grid) for cloud in (shown, site.fit)))
+    figure = pipeline_picture(shown, made, frames, *(bin_grids(cloud, frames, made.grid) for cloud in (shown, site.fit)), gaps)
     titles = [axes.get_title(loc="left") for axes in figure.axes if axes.get_title(loc="left")]
     assert titles == ["cloud", "cluster", "aligned grid", "reconstruction", "truth"]
     box, ball = figure.axes[0].patches
     assert ball.center == pytest.approx(box.get_xy()[:4].mean(axis=0))
     assert np.hypot(*(np.array(ball.center) - centre[:2])) < ball.radius + 0.7
-    assert figure.axes[2].collections and figure.axes[2].images[0].get_array().min() == 0
+    assert figure.axes[2].images[0].get_array().min() == 0
+    assert all(len(axes.patches) == 1 for axes in figure.axes[2:5])
     figure.draw_without_rendering()
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("rotation", ["none", "spread"])
+def test_gaps_in_a_grid_hold_the_cells_that_they_cut(dimension, rotation):
+    """Cell by cell: in the map's metres a cell's middle lies in the ball, if and only if it does in the grid's cells."""
+    site, made = room(dimension), reconstructor(dimension)
+    gaps = Gaps(np.array([[2.0, 0.2, 1.0][:dimension], [9.0, 5.0, 1.0][:dimension]]), np.array([0.7, 0.5]), site.resolution_m)
+    made.grid.frame.rotation = rotation
+    frames, cells = find_frames(site.fit, made.grid, 0), made.grid.cells
+    place = np.stack(np.meshgrid(*[np.arange(cells)] * dimension, indexing="ij"), axis=-1).reshape(-1, dimension)
+    for cluster in range(len(frames)):
+        balls = in_grid(gaps, frames, cluster, cells)
+        middles = frames.back((place + 0.5) / cells - 0.5, np.full(len(place), cluster))
+
+        def inside(points, held):
+            far = np.linalg.norm(points[:, None] - held.centres, axis=2) < held.radius_m
+            return far.any(axis=1)
+
+        np.testing.assert_array_equal(inside(place, balls), inside(middles, gaps))
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -11,6 +11,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from torch import nn
 from torch.utils.tensorboard import SummaryWriter
 
+from hilbertvae.drawing.canvas import pixels
 from hilbertvae.gaps import Gaps
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
@@ -116,7 +117,7 @@ def test_a_network_that_decodes_more_than_z_has_all_pictures_but_that_of_its_pri
     drawn = []
     for network in (made.network, Skipping(made.network)):
         mapper = HilbertMap(replace(made, network=network)).fit(shown.points, shown.occupied, shown.weight)
-        drawn.append(set(_network_figures(mapper, site, shown)))
+        drawn.append(set(_network_figures(mapper, site, shown, gaps)))
     assert drawn[0] - drawn[1] == {"prior"} and drawn[1] <= drawn[0]
 
 
@@ -166,3 +167,14 @@ def test_gaps_in_which_no_voxel_lies_have_no_reliability_to_be_shown(tmp_path):
     Report(tmp_path, {"name": "run"})(result, site, mappers)
     pictures = {path.stem for path in (tmp_path / "pictures").glob("*.png")}
     assert "gaps" in pictures and "reliability" not in pictures
+
+
+@pytest.mark.parametrize("seeds", [[3, 1], [3]])
+def test_pictures_of_one_gap_seed_s_gaps_say_of_which(tmp_path, monkeypatch, seeds):
+    site, mappers, drawn = room(), {"nearest": NearestMapper()}, {}
+    result = evaluate_all(mappers, site, Protocol(seeds, cluster_size_m=2.0, occlusion=False))
+    monkeypatch.setattr("hilbertvae.reports.report.save_picture", lambda figure, path: drawn.update({path.stem: figure}) or pixels(figure))
+    Report(tmp_path, {"name": "run"})(result, site, mappers)
+    said = {name: figure.get_suptitle() for name, figure in drawn.items()}
+    of_gaps = "gap seed 3, the first of 2" if len(seeds) > 1 else "gap seed 3"
+    assert said == {**dict.fromkeys(("map", "gaps", "reliability"), of_gaps), "precision_recall": "", "sites": ""}

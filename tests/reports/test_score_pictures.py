@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 from reports_toys import result
+from scipy.stats import binomtest
 
-from hilbertvae.reports.score_pictures import line_styles, precision_recall_picture, reliability, reliability_picture
+from hilbertvae.reports.score_pictures import line_styles, precision_recall_picture, reliability, reliability_picture, wilson
 
 
 def test_curves_are_the_result_s_means():
@@ -70,3 +71,14 @@ def test_reliability_by_brute_force():
     figure = reliability_picture({"cvae-hm": (occupied, probability), "nearest": (occupied, np.zeros(len(occupied)))}, "room")
     assert "ECE" in figure.axes[0].get_legend().get_texts()[0].get_text()
     figure.draw_without_rendering()
+
+
+@pytest.mark.parametrize(("hits", "count"), [(0, 10), (10, 10), (18, 20)])
+def test_an_interval_has_a_width_at_the_ends_too(hits, count):
+    expected = binomtest(hits, count).proportion_ci(method="wilson")
+    np.testing.assert_allclose(np.ravel(wilson(np.array([hits / count]), np.array([count]))), expected, atol=1e-4)
+    figure = reliability_picture({"nearest": (np.arange(count) < hits, np.full(count, 0.9))}, "room")
+    (container,) = figure.axes[0].containers
+    (segment,) = container[2][0].get_segments()
+    np.testing.assert_allclose(segment[:, 1], expected, atol=1e-4)
+    assert not container[0].get_clip_on()

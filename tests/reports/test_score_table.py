@@ -45,6 +45,14 @@ def test_the_best_f1_and_auc_are_bold_and_nothing_else():
     assert sum(cell.startswith("**") for row in rows.values() for cell in row) == 4
 
 
+def test_who_is_told_where_gaps_are_is_never_the_best():
+    found = result(mappers=("cvae-hm", "nearest", "gap-centre"))
+    for values in found.scores["gap-centre"]["points"]["gaps"].values():
+        values[:] = [1.0] * len(values)
+    rows = {row[0]: row for row in rows_of(found, "points")}
+    assert rows["gap-centre"][7] == "100.0±0.0" and any(rows[name][7].startswith("**") for name in ("cvae-hm", "nearest"))
+
+
 @pytest.mark.parametrize("width", [80, 120])
 def test_console_shows_every_cell_whole(width):
     found = result(mappers=("cvae-hm-points", "nearest"))

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.patches import Circle
 from reports_toys import result
 
-from hilbertvae.drawing.canvas import save_picture
+from hilbertvae.drawing.canvas import pixels, save_picture
 from hilbertvae.gaps import Gaps
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
@@ -75,6 +75,20 @@ def test_contact_sheet_names_and_roles():
         left, right, bottom, top = axes.images[0].get_extent()
         assert right - left == pytest.approx(top - bottom)
         assert left < 0 < 10 < right and bottom < 0 < 6 < top
+
+
+@pytest.mark.parametrize(("dimension", "said"), [(2, ""), (3, "3D sites: slices 1 m above the median ground")])
+def test_a_contact_sheet_says_that_3d_sites_are_slices(dimension, said):
+    figure = contact_sheet([(room(dimension, sweeps=2), "test")])
+    assert figure.get_suptitle() == said
+    image = pixels(figure)
+    assert all((edge == 255).all() for edge in (image[0], image[-1], image[:, 0], image[:, -1]))
+
+
+@pytest.mark.parametrize("count", range(1, 9))
+def test_no_title_of_a_contact_sheet_is_cut_off(count):
+    image = pixels(contact_sheet([(room(sweeps=2, beams=200, name="simulated:900001"), "validate")] * count))
+    assert all((edge == 255).all() for edge in (image[0], image[-1], image[:, 0], image[:, -1]))
 
 
 def test_gaps_of_a_result_and_a_saved_picture(maps, tmp_path):

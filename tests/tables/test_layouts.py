@@ -103,6 +103,8 @@ def test_tradeoff(tmp_path):
     }  # fmt: skip
     assert float(rows["cells-64"]["fit_s_mean"]) == 3 and float(rows["k-1"]["gaps_voxels_auc_mean"]) == pytest.approx(0.65)
     assert inked(page)
+    lines, _ = page.figure().axes[0].get_legend_handles_labels()
+    assert len({line[0].get_marker() for line in lines}) == len(lines) == 4
 
 
 def test_tradeoff_of_a_network_without_sampling_reads_the_mapper_as_it_is_configured(tmp_path):
@@ -147,6 +149,16 @@ def test_where_the_map_of_one_run_failed_no_other_stands_in_for_it(tmp_path):
     assert rows["lone"]["gaps_auc_mean"] == rows["lone"]["gaps_auc_difference_mean"] == "" and rows["lone"]["gaps_voxels_auc_mean"] != ""
 
 
+def test_differences_of_fewer_trainings_than_n_say_so(tmp_path):
+    for case, seeds in (("default", (0, 2)), ("no-skips", (0, 1, 2)), ("turned", (0, 2)), ("other", (1,))):
+        for seed in seeds:
+            put(tmp_path, f"{case}-seed{seed}", {"cvae-hm": [0.2, 0.3], "cvae-hm-points": [0.8, 0.8]})
+    rows = by(table(read_page(tmp_path, "ablation")), "case")
+    assert rows["no-skips"]["n"] == "3×2" and rows["no-skips"]["note"].startswith("differences of 2 of 3 training seeds; ")
+    assert rows["other"]["note"].startswith("differences of 0 of 1 training seeds; ")
+    assert "differences" not in rows["default"]["note"] + rows["turned"]["note"]
+
+
 def test_n_and_spread_are_of_the_trainings_that_were_scored(tmp_path):
     for seed in (0, 1, 2):
         put(tmp_path, f"default-seed{seed}", {"cvae-hm": [0.8, 0.7]})
@@ -189,11 +201,22 @@ def test_generalise(tmp_path):
     assert float(rows["north"]["gaps_points_f1_difference_mean"]) == pytest.approx(0.2)
     assert rows["north"]["gaps_points_f1_better"] == "2 of 2"
     assert float(rows["south"]["gaps_voxels_auc_difference_mean"]) == pytest.approx(-0.15)
-    assert rows["west"]["status"] == "missing"
+    assert (rows["west"]["status"], rows["west"]["site"]) == ("missing", "-")  # not a site that another row is of
     every = rows["all sites"]
     assert float(every["gaps_points_f1_mean"]) == pytest.approx(0.55) and every["n"] == "2 sites" and every["gaps_points_f1_n"] == "2"
     assert float(every["gaps_points_f1_difference_sd"]) == pytest.approx(statistics.stdev([0.2, -0.15]))
     assert inked(page)
+
+
+def test_all_sites_are_those_that_ours_and_a_baseline_were_scored_on(tmp_path):
+    put(tmp_path, "north-seed0", {"cvae-hm": [0.6, 0.8], "cvae-hm-points": [0.6, 0.8], "nearest": [0.5, 0.5]}, site="north")
+    put(tmp_path, "south-seed0", {"cvae-hm": [0.4, 0.4], "cvae-hm-points": [0.4, 0.4]}, site="south", failed={"nearest": "no"})
+    put(tmp_path, "west-seed0", {"cvae-hm": [0.9, 0.9], "nearest": [0.6, 0.6]}, site="west", failed={"cvae-hm-points": "no"})
+    every = by(table(read_page(tmp_path, "generalise")), "case")["all sites"]
+    for key, ours, theirs in (("gaps_points_f1", 0.7, 0.5), ("gaps_voxels_auc", 0.8, 0.55)):
+        found = [float(every[f"{key}{part}_mean"]) for part in ("", "_baseline", "_difference")]
+        assert found == pytest.approx([ours, theirs, ours - theirs])
+    assert every["n"] == "3 sites" and "points, F1 at the cut: 1 of 3 sites" in every["note"] and "voxels, AUC: 2 of 3" in every["note"]
 
 
 def test_a_site_s_name_is_no_formula(tmp_path):

@@ -106,6 +106,15 @@ def test_neither_is_ahead_where_both_say_nothing(folder):
     assert "calls nothing" not in rows(folder)["cvae-hm"]["note"]
 
 
+def test_the_figure_has_no_precision_of_a_method_that_finds_nothing(folder):
+    put(folder, "baselines-seed0", {"lard-hm": scores_of([0.4, 0.4], precision=[0.0, 0.0], recall=[0.0, 0.0]), "hm": [0.3, 0.3]})
+    observed, gaps = read_page(folder).figure().axes
+    drawn = {str(part.get_label()): sorted(part[0].get_xdata()) for part in gaps.containers}
+    assert 0 in drawn["recall, here"] and 0 not in drawn["precision, here"]
+    assert len(drawn["precision, here"]) == len(drawn["recall, here"]) - 1
+    assert len({len(part[0].get_xdata()) for part in observed.containers}) == 1
+
+
 def test_the_ceiling_stands_below(folder):
     (line,) = (line for line in read_page(folder).markdown().splitlines() if line.startswith("Ceiling"))
     assert line.endswith("P / R (%): hall, points 97.0 / 96.0.")

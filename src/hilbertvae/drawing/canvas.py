@@ -11,14 +11,12 @@ from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
-from matplotlib.collections import LineCollection
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 from PIL import Image
-from scipy import ndimage
 
 from hilbertvae.drawing.colours import GAP_COLOUR, PROBABILITY
 from hilbertvae.drawing.lit_colours import HEIGHT, HEIGHTS_M
@@ -50,6 +48,8 @@ def pixels(figure: Figure) -> np.ndarray:
     canvas = FigureCanvasAgg(figure)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font")  # a line for each letter of a name that has others than the font's
+        if figure.get_layout_engine() is not None:
+            figure.get_layout_engine().execute(figure)  # once more than drawing does: the first time leaves titles half outside
         canvas.draw()
     return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
@@ -69,6 +69,11 @@ def show_codes(axes: Axes, codes: np.ndarray, extent: Extent | None = None) -> A
 def title_of(axes: Axes, text: str, **how) -> None:
     """A title at the left that may have the name of somebody's file, in which `$` stands for itself and begins no formula."""
     axes.set_title(text, **{"fontsize": 10, "loc": "left", "pad": 3, **how}, parse_math=False)
+
+
+def corner_note(figure: Figure, text: str) -> None:
+    """Small words in the upper right corner, above all titles."""
+    figure.suptitle(text, x=0.995, ha="right", fontsize=8, color="#555555")
 
 
 def bare_axes(axes: Axes) -> None:
@@ -114,20 +119,6 @@ def outline_gaps(
                 numbers[number], centre[:2] + radius / math.sqrt(2), (1.5, 1.5), textcoords="offset points", fontsize=9,
                 fontweight="bold", color=GAP_COLOUR, path_effects=HALO, zorder=6, clip_on=True,
             )  # fmt: skip
-
-
-def outline_cells(axes: Axes, chosen: np.ndarray) -> None:
-    """A line around the cells of an image that are `chosen` (rows, columns) bool, along their edges.
-
-    Slivers of one or two cells' width are left out: those are cells that only a held-out beam saw, not a gap.
-    """
-    core = ndimage.binary_opening(chosen, np.ones((3, 3)))
-    chosen = ndimage.binary_fill_holes(ndimage.binary_dilation(core, iterations=2) & chosen | core)
-    padded = np.pad(chosen, 1)
-    below, left = np.argwhere(padded[1:] != padded[:-1]), np.argwhere(padded[:, 1:] != padded[:, :-1])
-    starts = np.concatenate([below[:, ::-1] + [-1.5, -0.5], left[:, ::-1] + [-0.5, -1.5]])
-    along = np.repeat([[1.0, 0.0], [0.0, 1.0]], [len(below), len(left)], axis=0)
-    axes.add_collection(LineCollection(np.stack([starts, starts + along], axis=1), colors=GAP_COLOUR, linewidths=1.0, zorder=5))
 
 
 def probability_bar(figure, image: AxesImage, axes, **where) -> None:

@@ -32,4 +32,4 @@ SELECTED_COLOUR = "#0050b0"
 """The cluster that a picture is about."""
 
 OURS = "#a01818"
-OTHERS = ("#0072b2", "#009e73", "#d98a00", "#7b5bb5", "#56a4d9", "#7a7a7a", "#a6761d", "#c05a94")
+OTHERS = ("#0072b2", "#009e73", "#d98a00", "#332288", "#56a4d9", "#7a7a7a", "#a6761d", "#c05a94")

@@ -68,7 +68,7 @@ def _solid(cells: MapCells, title: str) -> Figure:
     side = 9.0
     drawn = {f"{title}, as observed": occupied.observed}
     if not cells.observed.all():
-        drawn["filled in, green"] = np.ones(len(occupied), bool)
+        drawn["filled in, orange"] = np.ones(len(occupied), bool)
     figure = new_figure(side + 1.0, len(drawn) * (side * camera.pixels[1] / camera.pixels[0] + 0.3))
     panels = figure.subplots(len(drawn), 1, squeeze=False).ravel()
     for axes, (said, shown) in zip(panels, drawn.items(), strict=True):

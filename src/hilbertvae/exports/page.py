@@ -20,7 +20,7 @@ from PIL import Image
 
 from hilbertvae.checks import InputError
 from hilbertvae.drawing.colours import GAP_COLOUR, PROBABILITY, UNCERTAINTY, WIDEST_STD
-from hilbertvae.drawing.lit_colours import HEIGHT, HEIGHTS_M, LIT
+from hilbertvae.drawing.lit_colours import GAP_TINT, HEIGHT, HEIGHTS_M, LIT, LIT_TINT, UNCERTAINTY_TINT
 from hilbertvae.exports.cell_heights import heights_above_ground
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.files import atomic
@@ -100,11 +100,12 @@ def _solid(cells: MapCells) -> dict:
     height = (heights_above_ground(occupied) - lowest_m) / (highest_m - lowest_m)
     values = [height, (occupied.probability - OCCUPIED_ABOVE) / (1 - OCCUPIED_ABOVE), _uncertainty(occupied), occupied.observed]
     maps = {
-        "height": (HEIGHT, "ground", f"{highest_m:g} m above"),
-        "probability": (LIT, "just occupied", "surely"),
-        "uncertainty": (UNCERTAINTY, "sure", "unsure"),
+        "height": (GAP_TINT, HEIGHT, "ground", f"{highest_m:g} m above"),
+        "probability": (LIT_TINT, LIT, "just occupied", "surely"),
+        "uncertainty": (UNCERTAINTY_TINT, UNCERTAINTY, "sure", "unsure"),
     }
-    ramps = [_byte(colours(np.linspace(0, 1, 256)))[:, :3] for colours, _, _ in maps.values()]
+    ramps = [_byte(colours(np.linspace(0, 1, 256)))[:, :3] for _, colours, *_ in maps.values()]
+    asked = [name for name in maps if name != "uncertainty" or _asked_how_sure(occupied)]
     return {
         "dimension": 3,
         "resolution_m": occupied.resolution_m,
@@ -112,9 +113,8 @@ def _solid(cells: MapCells) -> dict:
         "cells": _packed(place.astype("<u2")),
         "values": _packed(_byte(np.column_stack(values))),
         "ramps": _packed(np.stack([*ramps, ramps[-1]])),
-        "tint": to_rgb(GAP_COLOUR),
         "background": to_rgb("#e9ecef"),
-        "modes": [_mode(name, *how) for name, how in maps.items() if name != "uncertainty" or _asked_how_sure(occupied)],
+        "modes": [{**_mode(name, *maps[name][1:]), "tint": to_rgb(maps[name][0])} for name in asked],
     }
 
 

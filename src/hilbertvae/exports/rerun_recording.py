@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError, extra_module
-from hilbertvae.drawing.lit_colours import LIT, tinted
+from hilbertvae.drawing.lit_colours import LIT, LIT_TINT, tinted
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.files import atomic
 
@@ -25,7 +25,7 @@ def write_rerun(cells: MapCells, path: str | os.PathLike) -> Path:
         raise InputError(f"{path}: expected a name that ends in .rrd")
     rerun = extra_module("rerun", "rerun", f"{path}: needs")
     chosen = cells.select(cells.occupied)
-    colours = tinted(LIT(chosen.probability.astype(np.float64))[:, :3], ~chosen.observed)  # Rerun's background is black
+    colours = tinted(LIT(chosen.probability.astype(np.float64))[:, :3], ~chosen.observed, LIT_TINT)  # Rerun's background is black
     places = np.zeros((len(chosen), 3))
     places[:, : chosen.dimension] = chosen.centres
     origin_m = np.zeros(3)

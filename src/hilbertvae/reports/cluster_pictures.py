@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -16,7 +18,7 @@ from hilbertvae.drawing.canvas import (
     bare_axes,
     label_bar,
     new_figure,
-    outline_cells,
+    outline_gaps,
     probability_bar,
     scale_bar,
     show_codes,
@@ -24,6 +26,7 @@ from hilbertvae.drawing.canvas import (
 )
 from hilbertvae.drawing.colours import ERROR, FREE_POINT_COLOUR, PROBABILITY, SELECTED_COLOUR
 from hilbertvae.drawing.raster import Raster
+from hilbertvae.gaps import Gaps
 from hilbertvae.grids.aligned_grid import OCCUPIED, UNKNOWN
 from hilbertvae.grids.cluster_grids import bin_shown
 from hilbertvae.grids.frame import Frames
@@ -53,11 +56,26 @@ def fullest_layer(target: np.ndarray) -> int | None:
     return int((target == OCCUPIED).sum(axis=(0, 1)).argmax()) if target.ndim == 3 else None
 
 
-def pipeline_picture(cloud: Cloud, reconstructor: Reconstructor, frames: Frames, shown: np.ndarray, target: np.ndarray) -> Figure:
+def in_grid(gaps: Gaps, frames: Frames, cluster: int, cells: int) -> Gaps:
+    """The balls that reach into a cluster's box, in cells of its grid as images have them, the first one's middle at 0."""
+    scale = frames.scale[cluster] / cells
+    centres = (frames.into(gaps.centres, np.full(len(gaps.centres), cluster)) + 0.5) * cells - 0.5
+    near = (np.abs(centres - (cells - 1) / 2) < cells / 2 + gaps.radius_m[:, None] / scale).all(axis=1)
+    return replace(gaps, centres=centres[near], radius_m=gaps.radius_m[near] / scale, resolution_m=gaps.resolution_m / scale)
+
+
+def _outline(axes: Axes, gaps: Gaps, layer: int | None) -> None:
+    """Gaps, `in_grid`, around the cells of an image that they cut."""
+    outline_gaps(axes, gaps, None if layer is None else float(layer))
+
+
+def pipeline_picture(
+    cloud: Cloud, reconstructor: Reconstructor, frames: Frames, shown: np.ndarray, target: np.ndarray, gaps: Gaps
+) -> Figure:
     """Fig. 3: the cloud with one cluster selected, the cluster, its aligned grid, its reconstruction, and the truth.
 
-    cloud: what the mapper is given; frames: its clusters'; shown, target: int8 codes (M, n, ..., n) of it in these, and of what it was cut
-    from. The cluster is the one from which the most occupied cells were cut. In 3D all panels show one layer of that grid.
+    cloud: what the mapper is given; frames: its clusters'; shown, target: int8 codes (M, n, ..., n) of it in these, and of what `gaps`
+    were cut from. The cluster is the one from which the most occupied cells were cut. In 3D all panels show one layer of that grid.
     """
     settings = reconstructor.grid
     cluster = int(_hidden(shown, target).argmax())
@@ -83,7 +101,7 @@ def pipeline_picture(cloud: Cloud, reconstructor: Reconstructor, frames: Frames,
     image = show_probability(panels[3], sheet(probability, layer))
     show_codes(panels[4], sheet(target[cluster], layer))
     for axes in panels[2:]:
-        outline_cells(axes, sheet((shown[cluster] == UNKNOWN) & (target[cluster] != UNKNOWN), layer))
+        _outline(axes, in_grid(gaps, frames, cluster, settings.cells), layer)
     probability_bar(figure, image, panels.tolist(), shrink=0.85)
     return figure
 
@@ -132,11 +150,13 @@ def _hidden(shown: np.ndarray, target: np.ndarray) -> np.ndarray:
     return ((target == OCCUPIED) & (shown == UNKNOWN)).reshape(len(shown), -1).sum(axis=1)
 
 
-def reconstruction_rows(shown: np.ndarray, target: np.ndarray, values: np.ndarray, likelihood: str = "bernoulli") -> Figure:
-    """A row per cluster: input | reconstruction | truth | error, what gaps cut from the input outlined.
+def reconstruction_rows(
+    shown: np.ndarray, target: np.ndarray, values: np.ndarray, gaps: Sequence[Gaps], likelihood: str = "bernoulli"
+) -> Figure:
+    """A row per cluster: input | reconstruction | truth | error, gaps outlined.
 
-    shown, target: int8 codes (B, n, ..., n); values: kernel values of the same shape, as `Reconstructor.reconstruct` gives them. The
-    error is p - truth where the truth is known. Of 3D grids, each row shows the layer with the most occupied cells.
+    shown, target: int8 codes (B, n, ..., n); values: kernel values of the same shape, as `Reconstructor.reconstruct` gives them; gaps: of
+    each, `in_grid`. The error is p - truth where the truth is known. Of 3D grids, each row shows the layer with the most occupied cells.
     """
     probability = kernel_probability(values, likelihood)
     titles = ("input", "reconstruction", "truth", "error")
@@ -145,7 +165,7 @@ def reconstruction_rows(shown: np.ndarray, target: np.ndarray, values: np.ndarra
     panels = figure.subplots(len(shown), 4, squeeze=False)
     for axes, title in zip(panels[0], titles, strict=True):
         axes.set_title(title, fontsize=10, pad=3)
-    for line, given, answer, truth in zip(panels, shown, probability, target, strict=True):
+    for line, given, answer, truth, balls in zip(panels, shown, probability, target, gaps, strict=True):
         layer = fullest_layer(truth)
         given, answer, truth = sheet(given, layer), sheet(answer, layer), sheet(truth, layer)
         show_codes(line[0], given)
@@ -154,7 +174,7 @@ def reconstruction_rows(shown: np.ndarray, target: np.ndarray, values: np.ndarra
         error = show_probability(line[3], np.ma.masked_where(truth == UNKNOWN, answer - (truth == OCCUPIED)))
         error.set(cmap=ERROR, clim=(-1, 1))
         for axes in line:
-            outline_cells(axes, (given == UNKNOWN) & (truth != UNKNOWN))
+            _outline(axes, balls, layer)
     probability_bar(figure, image, panels[:, :3].ravel().tolist(), location="left", shrink=min(1.0, 3 / len(shown)))
     bar = figure.colorbar(error, ax=panels[:, 3].tolist(), shrink=min(1.0, 3 / len(shown)), aspect=30, pad=0.02)
     bar.set_ticks([-1, 0, 1], labels=["missed", "right", "invented"])
@@ -162,11 +182,14 @@ def reconstruction_rows(shown: np.ndarray, target: np.ndarray, values: np.ndarra
     return figure
 
 
-def completion_rows(shown: np.ndarray, target: np.ndarray, guess: Completion, draws: np.ndarray, likelihood: str = "bernoulli") -> Figure:
-    """A row per cluster: input | the map's guess | draws from the conditional prior | truth, what gaps cut from the input outlined.
+def completion_rows(
+    shown: np.ndarray, target: np.ndarray, guess: Completion, draws: np.ndarray, gaps: Sequence[Gaps], likelihood: str = "bernoulli"
+) -> Figure:
+    """A row per cluster: input | the map's guess | draws from the conditional prior | truth, gaps outlined.
 
-    shown, target: int8 codes (B, n, ..., n); guess: of the same shape; draws: kernel values (L, B, n, ..., n). Guess and draws fade, as
-    maps do, where it is unlikely that scans would see a cell at all. Of 3D grids, each row shows the layer with the most occupied cells.
+    shown, target: int8 codes (B, n, ..., n); guess: of the same shape; draws: kernel values (L, B, n, ..., n); gaps: of each,
+    `in_grid`. Guess and draws fade, as maps do, where it is unlikely that scans would see a cell at all. Of 3D grids, each row shows the
+    layer with the most occupied cells.
     """
     titles = ["input", "guess", *(f"draw {number}" for number in range(1, len(draws) + 1)), "truth"]
     side = 1.5
@@ -185,7 +208,7 @@ def completion_rows(shown: np.ndarray, target: np.ndarray, guess: Completion, dr
         for axes, answer in zip(line[1:-1], answers[:, row], strict=True):
             image = show_probability(axes, sheet(answer, layer))
         for axes in line:
-            outline_cells(axes, (given == UNKNOWN) & (truth != UNKNOWN))
+            _outline(axes, gaps[row], layer)
     probability_bar(figure, image, panels.ravel().tolist(), shrink=min(1.0, 3 / len(shown)))
     return figure
 

@@ -14,12 +14,12 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from hilbertvae.cloud import Cloud
-from hilbertvae.drawing.canvas import save_picture
+from hilbertvae.drawing.canvas import corner_note, save_picture
 from hilbertvae.drawing.lit_colours import surface_colours
 from hilbertvae.drawing.mesh_tab import add_surface
 from hilbertvae.drawing.surface import Surface, field_surface, write_ply
 from hilbertvae.files import atomic
-from hilbertvae.gaps import INSIDE
+from hilbertvae.gaps import INSIDE, Gaps
 from hilbertvae.grids.cluster_grids import bin_grids, bin_shown, find_frames
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
@@ -29,6 +29,7 @@ from hilbertvae.reports.cluster_pictures import (
     completion_rows,
     decodes_alone,
     gapped_clusters,
+    in_grid,
     pipeline_picture,
     prior_picture,
     reconstruction_rows,
@@ -164,26 +165,30 @@ class Report:
             return mapper.fit(shown.points, shown.occupied, shown.weight)
 
         fitted = {name: fit(name) for name in (ours, rival) if name}
+        of_gaps = {}
         if fitted:
             if site.dimension == 3:
                 mapper = fitted[ours or rival]
                 by_points = for_points(ours or "")
                 view = SiteView.draw(site, gaps, shown, mapper, fit(by_points, mapper) if by_points in scored else None)
                 surface = field_surface(view.field, shown.points[shown.occupied])
-                figures |= {"map": site_view_picture(view), "gaps": close_up_picture(view), "slices": slice_picture(view)}
+                of_gaps |= {"map": site_view_picture(view), "gaps": close_up_picture(view), "slices": slice_picture(view)}
                 telling = list(telling_gaps(view))[:UNSURE_GAPS]
             else:
                 maps = SiteMaps.draw(site, gaps, shown, fitted)
-                figures |= {"map": site_map_picture(maps), "gaps": gap_zoom_picture(maps)}
+                of_gaps |= {"map": site_map_picture(maps), "gaps": gap_zoom_picture(maps)}
                 telling = maps.telling(UNSURE_GAPS)
             if ours and telling and len(fitted[ours].frames_):
-                figures["uncertainty"] = uncertainty_picture(fitted[ours], site, gaps, telling)
+                of_gaps["uncertainty"] = uncertainty_picture(fitted[ours], site, gaps, telling)
             inside = site.voxels.select(gaps.part(site.voxels.points) == INSIDE)
             if len(inside):
                 answers = {name: (inside.occupied, m.predict_proba(inside.points)[:, 1]) for name, m in fitted.items()}
-                figures["reliability"] = reliability_picture(answers, f"{site.name}, voxels in gaps")
+                of_gaps["reliability"] = reliability_picture(answers, f"{site.name}, voxels in gaps")
+        for figure in of_gaps.values():
+            corner_note(figure, _which_gaps(result.gap_seeds))
+        figures |= of_gaps
         if ours:
-            figures |= _network_figures(fitted[ours], site, shown)
+            figures |= _network_figures(fitted[ours], site, shown, gaps)
         return figures, surface
 
     def close(self) -> int:
@@ -196,7 +201,12 @@ class Report:
         return int(bool(self.failed))
 
 
-def _network_figures(mapper: HilbertMap, site: Site, shown: Cloud) -> dict[str, Figure]:
+def _which_gaps(seeds: list[int]) -> str:
+    """Scores are of all gap seeds, pictures of gaps of one."""
+    return f"gap seed {seeds[0]}" + (f", the first of {len(seeds)}" if len(seeds) > 1 else "")
+
+
+def _network_figures(mapper: HilbertMap, site: Site, shown: Cloud, gaps: Gaps) -> dict[str, Figure]:
     """One cluster through the pipeline, reconstructions of clusters with gaps, and what is drawn from the prior: whole grids, or with a
     conditional one several completions of each gap."""
     network = mapper.reconstructor
@@ -204,14 +214,15 @@ def _network_figures(mapper: HilbertMap, site: Site, shown: Cloud) -> dict[str, 
     labels, target = (bin_grids(cloud, frames, network.grid) for cloud in (shown, site.whole))
     chosen = gapped_clusters(labels, target)
     grids = bin_shown(shown, frames.select(chosen), network.grid, network.detailed)
-    figures = {"pipeline": pipeline_picture(shown, network, frames, labels, target)}
+    balls = [in_grid(gaps, frames, int(cluster), network.grid.cells) for cluster in chosen]
+    figures = {"pipeline": pipeline_picture(shown, network, frames, labels, target, gaps)}
     draws = network.draws(grids, COMPLETIONS)
     if draws is None:
         figures |= {"prior": prior_picture(network)} if decodes_alone(network) else {}
     elif len(chosen):
         guess = network.complete(grids, flips=1)
-        figures["completions"] = completion_rows(labels[chosen], target[chosen], guess, draws, network.likelihood.kind)
+        figures["completions"] = completion_rows(labels[chosen], target[chosen], guess, draws, balls, network.likelihood.kind)
     if len(chosen):
         values = network.reconstruct(grids, mapper.flips_)
-        figures["reconstructions"] = reconstruction_rows(labels[chosen], target[chosen], values, network.likelihood.kind)
+        figures["reconstructions"] = reconstruction_rows(labels[chosen], target[chosen], values, balls, network.likelihood.kind)
     return figures

@@ -87,7 +87,7 @@ def _f1_lines(axes) -> None:
 
 
 def reliability_picture(answers: Mapping[str, tuple[np.ndarray, np.ndarray]], title: str = "") -> Figure:
-    """Share of occupied points over the probability that was given, in equal bins, with 95 % intervals; below, how many answers.
+    """Share of occupied points over the probability that was given, in equal bins, with Wilson's 95 % intervals; below, how many answers.
 
     answers: by mapper, labels (Q,) bool and p(occupied) (Q,). On the diagonal a probability means what it says.
     """
@@ -97,9 +97,11 @@ def reliability_picture(answers: Mapping[str, tuple[np.ndarray, np.ndarray]], ti
     for (name, (occupied, probability)), style in zip(answers.items(), line_styles(answers).values(), strict=True):
         mean, share, count = reliability(occupied, probability)
         kept = count >= FEWEST
-        spread = 1.96 * np.sqrt(share * (1 - share) / np.maximum(count, 1))
+        low, high = wilson(share, np.maximum(count, 1))
+        spread = np.maximum([share - low, high - share], 0)[:, kept]  # rounding may leave -1e-17
         label = f"{name}  (ECE {calibration_error(occupied, probability):.3f})"
-        axes.errorbar(mean[kept], share[kept], spread[kept], marker="o", markersize=4, elinewidth=0.8, label=label, **style)
+        # All of it lies inside; a marker at 0 or 1 would be cut in half.
+        axes.errorbar(mean[kept], share[kept], spread, marker="o", markersize=4, elinewidth=0.8, label=label, clip_on=False, **style)
         counts.stairs(count, np.linspace(0, 1, len(count) + 1), color=style["color"], linestyle=style["linestyle"])
     axes.set(xlim=(0, 1), ylim=(0, 1), ylabel="share that is occupied")
     title_of(axes, title, pad=None)
@@ -108,6 +110,13 @@ def reliability_picture(answers: Mapping[str, tuple[np.ndarray, np.ndarray]], ti
     for panel in (axes, counts):
         panel.spines[["top", "right"]].set_visible(False)
     return figure
+
+
+def wilson(share: np.ndarray, count: np.ndarray, z: float = 1.96) -> tuple[np.ndarray, np.ndarray]:
+    """The ends of Wilson's (1927) interval of shares of so many answers, which has a width at shares of 0 and 1, too."""
+    middle = (share + z**2 / (2 * count)) / (1 + z**2 / count)
+    half = z / (1 + z**2 / count) * np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2))
+    return middle - half, middle + half
 
 
 def reliability(occupied: np.ndarray, probability: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

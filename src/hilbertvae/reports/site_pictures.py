@@ -10,7 +10,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hilbertvae.cloud import Cloud
-from hilbertvae.drawing.canvas import new_figure, outline_gaps, probability_bar, scale_bar, show_codes, show_probability, title_of
+from hilbertvae.drawing.canvas import (
+    corner_note,
+    new_figure,
+    outline_gaps,
+    probability_bar,
+    scale_bar,
+    show_codes,
+    show_probability,
+    title_of,
+)
 from hilbertvae.drawing.raster import Raster
 from hilbertvae.gaps import Gaps
 from hilbertvae.mappers.mapper import Mapper
@@ -22,19 +31,24 @@ SHEET_CELLS = 480
 MAP_CELLS = 1000
 """Cells along the longer side of the drawn codes of a whole site."""
 
+SLICE_M = 1.0
+"""Above the median height of a 3D site's ground: the slice that stands for it on the contact sheet."""
 ZOOM = 2.0
 """Half the side of a gap's window, in radii of the gap."""
 
 
 def contact_sheet(sites: Sequence[tuple[Site, str]], columns: int = 4) -> Figure:
     """Each site's voxels, free light, occupied dark, unknown grey, under its name and role; `sites` are (site, role). Of 3D sites a slice,
-    1 m above the middle height of the ground."""
+    `SLICE_M` above the median height of the ground, which a note says."""
     columns = min(columns, len(sites))
     rows = math.ceil(len(sites) / columns)
-    figure = new_figure(3.2 * columns, 3.3 * rows)
+    solid = any(site.dimension == 3 for site, _ in sites)
+    figure = new_figure(3.2 * columns, 3.3 * rows + 0.2 * solid)
+    if solid:
+        corner_note(figure, f"3D sites: slices {SLICE_M:g} m above the median ground")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, (site, role) in zip(panels, sites, strict=False):
-        height_m = float(np.median(site.ground.height_m)) + 1.0 if site.dimension == 3 else None
+        height_m = float(np.median(site.ground.height_m)) + SLICE_M if site.dimension == 3 else None
         raster = Raster.around(site.voxels.points, site.resolution_m, 1.0, height_m)
         codes, extent = raster.coarse(raster.codes(site.voxels), SHEET_CELLS)
         show_codes(axes, _squared(codes), _squared_extent(codes, extent))

@@ -63,6 +63,7 @@ def _difference_columns() -> list[Column]:
 
 def _row(group: Group, default: Group) -> Row:
     row: Row = {"switched": switched(next(iter(group.values())), next(iter(default.values()), None))}
+    unpaired = {}
     for key, (reading, region, metric, _) in METRICS.items():
         ours, theirs = (per_seed(runs, champions(runs)[reading == "voxels"], reading, region, metric) for runs in (group, default))
         row[key] = over_seeds(list(ours.values()))
@@ -70,7 +71,9 @@ def _row(group: Group, default: Group) -> Row:
             found = differences(ours, theirs)
             row[f"{key}_difference"] = over_seeds(list(found.values()))
             row[f"{key}_worse"] = share_of(found, lambda value: value < 0)
-    return row
+            if default and len(found) < len(ours):
+                unpaired[f"differences of {len(found)} of {len(ours)} training seeds"] = None
+    return row | {"note": "; ".join(unpaired)}
 
 
 def switched(run: Run, default: Run | None) -> str:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Hashable
 
 from hilbertvae.reports.mapper_names import champions as network_rows
+from hilbertvae.reports.score_table import NOTHING
 from hilbertvae.tables.measure import COUNTS, NOTE, Group, N, absent_row, counts_of, network_of, note_of
 from hilbertvae.tables.page import Column, Row, Table, hidden, text
 from hilbertvae.tables.sweep import Run, Sweep, grouped
@@ -23,7 +24,8 @@ def heading(sweep: Sweep, site: str) -> str:
 def case_rows(
     sweep: Sweep, site: str, runs: list[Run], columns: list[Column], row_of: Callable[[Group], Row], key: Callable[[Run], Hashable]
 ) -> list[Row]:
-    """A row for each `key` of the runs on a site, in the keys' order; then, on the first site, one for each case that left no scores.
+    """A row for each `key` of the runs on a site, in the keys' order; then, after those of the first site, one for each case that left no
+    scores: of which site is not known.
 
     row_of: the cells of a group of runs that differ in their training seed alone.
     """
@@ -35,7 +37,7 @@ def case_rows(
         row = {"site": site, "case": first.case, **counts_of(alike), **row_of(alike)}
         rows.append(row | {"note": note_of(group, row.get("note"), network_of(first), *sweep.gone(first.case), *failures)})
     if site == sweep.by_site()[0][0]:
-        rows += [absent_row(status, columns, site=site, case=case, note="see below") for case, status in sweep.absent().items()]
+        rows += [absent_row(status, columns, site=NOTHING, case=case, note="see below") for case, status in sweep.absent().items()]
     return rows
 
 

@@ -7,6 +7,7 @@ from itertools import cycle
 from matplotlib.figure import Figure
 
 from hilbertvae.drawing.colours import OTHERS
+from hilbertvae.reports.score_pictures import MARKERS
 from hilbertvae.tables.alike import GAPS
 from hilbertvae.tables.canvas import GREY, empty_picture, measured_rows, panels, percents
 from hilbertvae.tables.cases import case_rows, case_tables, champions
@@ -82,7 +83,7 @@ def gap_size_picture(rows: list[Row]) -> Figure:
         return empty_picture(TITLE)
     figure, axes = panels(["gaps, points", "held-out beams, points"])
     for panel, key in zip(axes, ("gaps_f1", "observed_f1"), strict=True):
-        for cluster, colour, marker in zip(sorted({row["cluster_m"] for row in scored}), cycle(OTHERS), cycle("osD^vPX"), strict=False):
+        for cluster, colour, marker in zip(sorted({row["cluster_m"] for row in scored}), cycle(OTHERS), cycle(MARKERS), strict=False):
             line = [row for row in scored if row["cluster_m"] == cluster]
             means, deviations = percents(line, key)
             gaps = [row["gap_m"] for row in line]

@@ -12,7 +12,7 @@ from hilbertvae.tables.canvas import empty_picture, measured_rows, panels, perce
 from hilbertvae.tables.cases import case_rows, case_tables, champions
 from hilbertvae.tables.measure import LEGEND, Group, per_seed
 from hilbertvae.tables.page import Column, Page, Row, measured, signed_points, text
-from hilbertvae.tables.spread import Spread, differences, over_seeds, share_of, spread
+from hilbertvae.tables.spread import differences, over_seeds, share_of, spread
 from hilbertvae.tables.sweep import Sweep
 
 VARIES = frozenset({SITE, GAPS})
@@ -23,7 +23,8 @@ EVERY = "all sites"
 """The last row: mean and deviation over the sites' means."""
 BASELINE_LEGEND = (
     "baseline: the mapper without a network that is best there by that column, a choice made with the answers known. Differences are "
-    f"paired by gap seed. {EVERY}: mean±sd over the sites' means."
+    f"paired by gap seed. {EVERY}: mean±sd over the means of "
+    "those sites that have ours, the baseline and the difference."
 )
 
 
@@ -35,7 +36,7 @@ def generalise_page(sweep: Sweep) -> Page:
     rows = [row for row in rows if row["status"] == "ok"] + [row for row in rows if row["status"] != "ok"]
     scored = [row for row in rows if row["status"] == "ok"]
     if len(scored) > 1:
-        rows.append(_every(scored, [key for column in (*columns[0], *columns[1]) if column.measured for key in column.keys]))
+        rows.append(_every(scored))
     tables = case_tables(sweep, "", rows, *columns, named=(text("test site", "site"),))
     tables[0].caption = "## Inside gaps of every site"
     return Page(TITLE, tables, lambda: generalise_picture(scored), [LEGEND, BASELINE_LEGEND])
@@ -78,10 +79,17 @@ def _row(group: Group) -> Row:
     return row
 
 
-def _every(rows: list[Row], keys: list[str]) -> Row:
-    found = {key: spread([row[key].mean for row in rows if isinstance(row.get(key), Spread)]) for key in keys}
+def _every(rows: list[Row]) -> Row:
+    """Headlines over the sites that have all of one, so that ours less the baseline is the difference; a note says where some do not."""
+    found, notes = {}, []
+    for reading, metric, title in HEADLINES:
+        key = _name(reading, metric)
+        keys = [each for each in (key, f"{key}_baseline", f"{key}_difference") if measured_rows(rows, each)]
+        whole = measured_rows(rows, *keys)
+        found |= {each: spread([row[each].mean for row in whole]) for each in keys}
+        notes += [f"{reading}, {title}: {len(whole)} of {len(rows)} sites"] if len(whole) < len(rows) else []
     counts = {"training_seeds": max(row["training_seeds"] for row in rows), "gap_seeds": max(row["gap_seeds"] for row in rows)}
-    return {"case": EVERY, "site": EVERY, "status": "ok", "n": f"{len(rows)} sites", **counts, **found}
+    return {"case": EVERY, "site": EVERY, "status": "ok", "n": f"{len(rows)} sites", "note": "; ".join(notes) or None, **counts, **found}
 
 
 def generalise_picture(rows: list[Row]) -> Figure:

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hilbertvae.drawing.colours import OTHERS, OURS
+from hilbertvae.reports.score_pictures import MARKERS
 from hilbertvae.tables.canvas import empty_picture, measured_rows, panels
 from hilbertvae.tables.clustering import Start, Study
 from hilbertvae.tables.page import Column, Page, Row, Table, hidden, measured, number, text, value
@@ -73,7 +74,7 @@ def starts_picture(rows: list[Row]) -> Figure:
         return empty_picture(TITLE)
     largest = max(row["points"] for row in rows)
     figure, axes = panels(["(a) time to find the seeds", f"(b) potential, {largest} points"])
-    styles = zip(dict.fromkeys(row["name"] for row in rows), cycle((OURS, *OTHERS)), cycle("osD^vPX"), strict=False)
+    styles = zip(dict.fromkeys(row["name"] for row in rows), cycle((OURS, *OTHERS)), cycle(MARKERS), strict=False)
     for name, colour, marker in styles:
         timed = [row for row in measured_rows(rows, "seconds") if row["name"] == name]
         _line(axes[0], [row["points"] for row in timed], [row["seconds"] for row in timed], colour, marker, name)

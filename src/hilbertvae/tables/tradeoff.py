@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import cycle
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -11,6 +12,7 @@ from matplotlib.figure import Figure
 from hilbertvae.drawing.canvas import HALO
 from hilbertvae.drawing.colours import OTHERS
 from hilbertvae.reports.mapper_names import configured_as
+from hilbertvae.reports.score_pictures import MARKERS
 from hilbertvae.tables.ablation import DEFAULT
 from hilbertvae.tables.canvas import empty_picture, measured_rows, panels, percents
 from hilbertvae.tables.cases import case_rows, case_tables, champions
@@ -100,12 +102,13 @@ def tradeoff_picture(rows: list[Row]) -> Figure:
     base = [row for row in scored if row["varied"] == "nothing"]
     figure, axes = panels([f"gaps, voxels: AUC over {title}" for title in SECONDS.values()])
     for panel, (second, title) in zip(axes, SECONDS.items(), strict=True):
-        for varied, colour in zip(dict.fromkeys(row["varied"] for row in scored if row not in base), OTHERS, strict=False):
+        changed = dict.fromkeys(row["varied"] for row in scored if row not in base)
+        for varied, colour, marker in zip(changed, cycle(OTHERS), cycle(MARKERS), strict=False):
             line = sorted([*(row for row in scored if row["varied"] == varied), *base], key=lambda row: row[second].mean)
             times, means = ([row[which].mean for row in line] for which in (second, key))
             panel.errorbar(
                 times, [100 * mean for mean in means], percents(line, key)[1],
-                color=colour, marker="o", markersize=4, linewidth=1.3, elinewidth=0.8, label=varied,
+                color=colour, marker=marker, markersize=4, linewidth=1.3, elinewidth=0.8, label=varied,
             )  # fmt: skip
             for row in line:
                 if row not in base:
