@@ -100,7 +100,7 @@ def test_scans_that_can_not_be_in_metres_are_told(room):
 
 def test_a_room_in_millimetres_is_refused_before_it_takes_hours():
     points, origin = np.random.default_rng(0).uniform(-5000, 5000, (20_000, 3)), np.zeros(3)
-    with pytest.raises(InputError, match="points: half of the beams are longer than .* millimetres, .* would be [45]e.08 places"):
+    with pytest.raises(InputError, match="points: half of the beams are longer than .* millimetres or centimetres, .* would be [45]e.08 places"):
         cloud_from_scans(points, origin)
     with pytest.warns(UserWarning, match="millimetres"):  # whoever says how long beams are means it
         assert len(cloud_from_scans(points, origin, max_range_m=1000.0)) > 0
@@ -119,6 +119,30 @@ def test_a_stray_return_is_told_and_can_be_left_out(room):
         cloud_from_scans(points, origins, max_range_m=0.0)
     far = points * 300, origins * 300  # all as long: a large place, no stray return
     assert not any("are they returns" in told for told in warnings_of(*far, resolution_m=30.0))
+
+
+@pytest.mark.parametrize("max_range_m", [None, 30.0])
+def test_a_beam_that_ends_where_it_began_is_no_obstacle(room, max_range_m):
+    """Drivers write (0, 0, 0) of the sensor's frame for no return, which is the sensor's own place in the map's, but for rounding."""
+    points, origins = room.scans.points[:500], room.scans.origins[:500]
+    ended = np.concatenate([points, origins[:50] + 1e-6]), np.concatenate([origins, origins[:50]])
+    np.testing.assert_array_equal(cloud_from_scans(*ended, max_range_m=max_range_m).points, cloud_from_scans(points, origins).points)
+    with pytest.raises(InputError, match="points: expected returns, got 50 points where the sensor stood"):
+        cloud_from_scans(origins[:50], origins[:50])
+
+
+def test_a_length_of_no_return_and_a_room_in_centimetres_are_told(room):
+    points, origins = room.scans.points[:500], room.scans.origins[:500]
+    angle = np.linspace(0, 1, 60)
+    arc = origins[0] + 100.0 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    given = np.concatenate([points, arc]), np.concatenate([origins, np.tile(origins[0], (60, 1))])
+    (told,) = warnings_of(*given)
+    assert told.startswith("points: 11 % of all ranges are the largest, 100.0 m") and "Set max_range_m=99.98" in told
+    assert warnings_of(*given, max_range_m=99.985) == []
+    (told,) = warnings_of(points * 100, origins * 100, resolution_m=10.0)
+    assert "points: half of the beams are longer than" in told and "centimetres" in told
+    street = np.random.default_rng(0).uniform(50, 200, (500, 3)), np.zeros(3)
+    assert warnings_of(*street) == []  # no planar laser
 
 
 @pytest.mark.parametrize("listed", [False, True])

@@ -11,7 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from hilbertvae.checks import InputError, check_cell_m, check_points, check_positive
-from hilbertvae.scans.beam_lengths import UnitCheck, beam_lengths, warn_of_long_beams, within_range
+from hilbertvae.scans.beam_lengths import (
+    LONGEST_MEDIAN_M,
+    LONGEST_PLANAR_M,
+    SHORTEST_M,
+    ClippedCheck,
+    UnitCheck,
+    beam_lengths,
+    warn_of_long_beams,
+    within_range,
+)
 from hilbertvae.scans.rounded import warn_if_rounded
 from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_votes import VoxelVotes, voxel_index, voxel_votes
@@ -130,12 +139,12 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
     """The `fit` cloud of a user's scans.
 
     points: a list of (n_s, D) arrays in metres in the map frame, one per scan, an (S, n, D) array of scans, or one (N, D) array. Of
-    several scans some may be empty. Beams without a return are left out.
+    several scans some may be empty. Beams without a return are left out; what ends where it began, as drivers write them, is so here.
     origins: (S, D), where the sensor stood in each scan; with one (N, D) array of points, (N, D) or one (D,) origin.
     resolution_m: 0.1 in 2D and 0.2 in 3D unless given. max_range_m: beams as long as this and longer are dropped; none unless given.
     Raises `InputError` for what does not fit together, and for so many beams that can hardly be in metres that their free space would take
-    hours. A `UserWarning` says where coordinates can't be in metres otherwise, where a beam is longer than any laser's, and where half or
-    single precision has moved far coordinates by a part of a cell.
+    hours. A `UserWarning` says where coordinates can't be in metres otherwise, where a beam is longer than any laser's, where many are of
+    one length, as of no return, and where half or single precision has moved far coordinates by a part of a cell.
     """
     first = origins[0] if isinstance(origins, (list, tuple)) and len(origins) else origins
     came_as = first.dtype if isinstance(getattr(first, "dtype", None), np.dtype) else np.dtype(np.float64)
@@ -168,15 +177,23 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
     resolution_m = RESOLUTION_M[points.shape[1]] if resolution_m is None else check_cell_m(resolution_m, "resolution_m")
     warn_if_rounded(points, "points")
     lengths = beam_lengths(points, origins)
-    units = UnitCheck()
+    units = UnitCheck(longest_m=LONGEST_PLANAR_M if points.shape[1] == 2 else LONGEST_MEDIAN_M)
     units.see(lengths)
     warn_of_long_beams(lengths, "points")
-    if max_range_m is not None:
-        kept = within_range(lengths, -1.0, check_positive(max_range_m, "max_range_m"))
-        if not kept.any():
-            found = f"none of {len(lengths)}" + (f", the shortest with {lengths.min():.4g} m" if len(lengths) else "")
-            raise InputError(f"max_range_m: expected beams shorter than {max_range_m} m, got {found}{units.hint(max_range_m)}")
-        points, origins, scan, lengths = points[kept], origins[kept], scan[kept], lengths[kept]
+    limit_m = np.inf if max_range_m is None else check_positive(max_range_m, "max_range_m")
+    clipped = ClippedCheck(limit_m, of_points=True)
+    for portion in np.split(lengths, np.flatnonzero(np.diff(scan)) + 1):
+        clipped.see(portion[portion > SHORTEST_M])
+    clipped.warn("points", "max_range_m")
+    kept = within_range(lengths, SHORTEST_M, limit_m)
+    if max_range_m is not None and not kept.any():
+        found = f"none of {len(lengths)}" + (f", the shortest with {lengths.min():.4g} m" if len(lengths) else "")
+        raise InputError(f"max_range_m: expected beams shorter than {max_range_m} m, got {found}{units.hint(max_range_m)}")
+    if len(lengths) and not kept.any():
+        raise InputError(
+            f"points: expected returns, got {len(lengths)} points where the sensor stood; are they in its frame, not the map's?"
+        )
+    points, origins, scan, lengths = points[kept], origins[kept], scan[kept], lengths[kept]
     places = float(lengths.sum()) / resolution_m
     if places > MOST_DOUBTFUL and (doubt := units.doubt()):  # a room in millimetres would take hours, and all memory
         raise InputError(f"points: {doubt}. Free space along them would be {places:.1g} places; max_range_m drops long beams")

@@ -10,6 +10,10 @@ import numpy as np
 
 LONGEST_MEDIAN_M = 1000.0
 """No laser that maps surroundings has half of its beams longer; a room in millimetres has."""
+LONGEST_PLANAR_M = 100.0
+"""So it is with a planar one; a room in centimetres has longer ones."""
+SHORTEST_M = 1e-3
+"""No laser measures less; a beam without a return, which drivers write as (0, 0, 0), ends where it began, but for rounding."""
 
 LONGEST_BEAM_M = 1000.0
 UNLIKE_OTHERS = 20.0
@@ -52,9 +56,9 @@ def without_zeros(points: np.ndarray, at_least: int = 1) -> np.ndarray:
 class UnitCheck:
     """Sees the lengths of all beams, dropped ones included, scan by scan, and warns where they can't be metres, or too many are dropped."""
 
-    def __init__(self, max_range_m: float = np.inf):
-        """max_range_m: from where beams are dropped."""
-        self._max_range_m, self._seen, self._cut = max_range_m, 0, 0
+    def __init__(self, max_range_m: float = np.inf, longest_m: float = LONGEST_MEDIAN_M):
+        """max_range_m: from where beams are dropped. longest_m: what no laser's median beam is longer than."""
+        self._max_range_m, self._longest_m, self._seen, self._cut = max_range_m, longest_m, 0, 0
         self._medians: list[float] = []
         self._code_m = 0.0
 
@@ -67,7 +71,7 @@ class UnitCheck:
         code = alike >= max(2, MANY_ALIKE * len(lengths))
         self._cut += int(alike[~code].sum())
         self._seen += len(lengths)
-        code &= found <= LONGEST_MEDIAN_M  # no laser's; in millimetres it may be
+        code &= found <= self._longest_m  # no laser's; in millimetres it may be
         told = np.concatenate([lengths[~far], lengths[far][~code[place]]])
         if len(told):
             self._medians.append(float(np.median(told)))
@@ -80,7 +84,7 @@ class UnitCheck:
             return f"; all of them are {self._code_m:g} m long, as lasers write where there is no return"
         if (middle := self._middle()) < max_range_m:
             return ""
-        asked = "are they in millimetres?" if middle > LONGEST_MEDIAN_M else "is max_range_m too short for them?"
+        asked = "are they in millimetres?" if middle > self._longest_m else "is max_range_m too short for them?"
         return f"; half of the beams are longer than {middle:.4g} m: {asked}"
 
     def _middle(self) -> float:
@@ -88,9 +92,9 @@ class UnitCheck:
 
     def doubt(self) -> str:
         """What to say where the median beam, over the scans seen, is longer than any laser's; empty where it is not."""
-        if (middle := self._middle()) <= LONGEST_MEDIAN_M:
+        if (middle := self._middle()) <= self._longest_m:
             return ""
-        asked = "are the coordinates in millimetres, or is the sensor's origin in another frame? Metres are expected"
+        asked = "are the coordinates in millimetres or centimetres, or is the sensor's origin in another frame? Metres are expected"
         return f"half of the beams are longer than {middle:.0f} m; {asked}"
 
     def warn(self, path: str | os.PathLike) -> None:
@@ -120,8 +124,8 @@ class ClippedCheck:
         self._scans += len(found) > 0
         self._alike.update(dict(zip(found.tolist(), count.tolist(), strict=True)))
 
-    def warn(self, path: str | os.PathLike) -> None:
-        """One `UserWarning` where such ranges were not dropped, also where a few stray ones are longer."""
+    def warn(self, path: str | os.PathLike, key: str = "reading.max_range_m") -> None:
+        """One `UserWarning` where such ranges were not dropped, also where a few stray ones are longer; `key` drops them."""
         ranges = np.array(sorted(self._alike))
         count = np.array([self._alike[range_m] for range_m in ranges.tolist()])
         up_to = np.concatenate([[0], np.cumsum(count)])
@@ -138,7 +142,7 @@ class ClippedCheck:
         which = f"{code_m} m, and hardly any is longer" if longer[code] else f"the largest, {code_m} m"
         warnings.warn(
             f"{path}: {100 * alike[code] / seen:.2g} % of all ranges are {which}: are they beams without a return? Set "
-            f"reading.max_range_m={limit_m} to drop them",
+            f"{key}={limit_m} to drop them",
             stacklevel=4,
         )
 
