@@ -100,7 +100,9 @@ def test_scans_that_can_not_be_in_metres_are_told(room):
 
 def test_a_room_in_millimetres_is_refused_before_it_takes_hours():
     points, origin = np.random.default_rng(0).uniform(-5000, 5000, (20_000, 3)), np.zeros(3)
-    with pytest.raises(InputError, match="points: half of the beams are longer than .* millimetres or centimetres, .* would be [45]e.08 places"):
+    with pytest.raises(
+        InputError, match="points: half of the beams are longer than .* millimetres or centimetres, .* would be [45]e.08 places"
+    ):
         cloud_from_scans(points, origin)
     with pytest.warns(UserWarning, match="millimetres"):  # whoever says how long beams are means it
         assert len(cloud_from_scans(points, origin, max_range_m=1000.0)) > 0

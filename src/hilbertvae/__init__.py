@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # what is imported late (below), for editors and type checkers, which don't follow it
     from hilbertvae.checks import InputError
     from hilbertvae.cloud import cloud_from_scans
+    from hilbertvae.exports.written_map import write_map
     from hilbertvae.mappers.loading import load_mapper
     from hilbertvae.mappers.saved_map import load_map, save_map
     from hilbertvae.scoring.protocol import evaluate
     from hilbertvae.site import open_site
 
 __version__ = "0.1.0"
-__all__ = ["InputError", "cloud_from_scans", "evaluate", "load_map", "load_mapper", "open_site", "save_map"]
+__all__ = ["InputError", "cloud_from_scans", "evaluate", "load_map", "load_mapper", "open_site", "save_map", "write_map"]
 
 _WHERE = {
     "InputError": "hilbertvae.checks",
@@ -23,6 +24,7 @@ _WHERE = {
     "load_mapper": "hilbertvae.mappers.loading",
     "open_site": "hilbertvae.site",
     "save_map": "hilbertvae.mappers.saved_map",
+    "write_map": "hilbertvae.exports.written_map",
 }
 
 

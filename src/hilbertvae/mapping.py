@@ -25,6 +25,7 @@ from hilbertvae.exports.map_folder import (
     writing_beside,
 )
 from hilbertvae.exports.map_picture import write_picture
+from hilbertvae.exports.octree import octree_shift
 from hilbertvae.exports.page import write_page
 from hilbertvae.exports.summary import map_summary, point_counts, summary_tables
 from hilbertvae.files import write_json
@@ -81,9 +82,6 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
         clock.start("complete grids" if settings.fill else "gather evidence")
         mapper.progress = clock.share
         mapper.fit(cloud.points, cloud.occupied, cloud.weight)
-        if settings.fill and not mapper.cluster_count():
-            few = f"at most {mapper.grid_.minimum_points} voxels with returns within {mapper.grid_.cluster_diameter_m / 2:g} m"
-            warnings.warn(f"{settings.scans}: found {few}, too few for a network, so that nothing is filled in", stacklevel=2)
         clock.start("ask each cell")
         # Without grids a map says nothing beside what was seen, and asking there would take most of the time.
         reach_m = _reach_m(settings.scans, fine_m, dimension) if settings.fill else None
@@ -169,6 +167,8 @@ def _write(settings: MapSettings, exports: list[str], cells: MapCells, points: d
     write_picture(cells, folder / PICTURE, name)
     clock.stop()
     summary = {**map_summary(name, points, cells), **about, "seconds": clock.seconds}
+    if any((folder / f"map.{kind}").exists() for kind in ("ot", "bt")) and (shift := octree_shift(cells)).any():
+        summary["octomap_shift_m"] = (shift * cells.resolution_m)[: cells.dimension].tolist()
     write_page(cells, folder / PAGE, name, summary_tables(summary))
     files = sorted(file.name for file in folder.iterdir())
     write_json(folder / SUMMARY, {**summary, "scans_hash": scans_hash(Path(settings.scans)), "files": files, **made_by()})

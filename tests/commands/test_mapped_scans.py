@@ -1,8 +1,10 @@
 """What `hilbertvae-map` is given: logs, bags, clouds, near and far."""
 
+import json
 from pathlib import Path
 
 import numpy as np
+import octomap
 import pytest
 import trimesh
 import yaml
@@ -24,7 +26,9 @@ def test_far_coordinates_change_nothing(room, tmp_path):
         folder = tmp_path / str(bool(shift.any()))
         folder.mkdir()
         np.savez(folder / "room.npz", points=room.scans.points + shift, origins=room.scans.origins + shift, scan=room.scans.scan)
-        settings = MapSettings(scans=str(folder / "room.npz"), output=str(folder / "out"), fill=False, exports=["npz", "ros", "points"])
+        settings = MapSettings(
+            scans=str(folder / "room.npz"), output=str(folder / "out"), fill=False, exports=["npz", "ros", "points", "bt"]
+        )
         maps.append(make_map(settings))
     near, far = (read_grid(folder / "map.npz") for folder in maps)
     cells = np.rint(far_m / near.resolution_m).astype(int)
@@ -33,6 +37,9 @@ def test_far_coordinates_change_nothing(room, tmp_path):
     assert len(far) == pytest.approx(len(near), rel=0.01) and np.mean(agree) > 0.98  # points on a cell's side may fall to either
     about = yaml.safe_load((maps[1] / "map.yaml").read_text())
     np.testing.assert_allclose(about["origin"][:2], far.index.min(axis=0) * 0.1, atol=1e-6)
+    told, tree = json.loads((maps[1] / "summary.json").read_text()), octomap.OcTree(str(maps[1] / "map.bt").encode())
+    np.testing.assert_allclose(tree.getMetricMin()[:2] + told["octomap_shift_m"], far.index.min(axis=0) * 0.1, atol=1e-3)
+    assert "octomap_shift_m" not in json.loads((maps[0] / "summary.json").read_text())
     corner = trimesh.load(maps[1] / "points.ply").vertices.min(axis=0)[:2]
     np.testing.assert_allclose(corner, far.centres[far.occupied].min(axis=0), atol=0.005)
 

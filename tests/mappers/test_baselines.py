@@ -1,5 +1,7 @@
 """What every baseline mapper has to keep: scikit-learn's contract, each query answered alone, and clear messages for bad input."""
 
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -207,6 +209,16 @@ def test_the_greater_label_means_occupied(labels):
     mapper = NearestMapper().fit(points, np.array(labels)[occupied.astype(int)])
     np.testing.assert_array_equal(mapper.predict_proba(points)[:, 1], occupied)
     assert set(mapper.predict(points)) == set(labels)
+
+
+def test_words_for_labels_are_told_which_is_taken_for_which():
+    """By their letters, which is wrong as often as right."""
+    points, occupied, _ = room()
+    with pytest.warns(UserWarning, match="^y: takes 'miss', the later of the two by its letters, for occupied and 'hit' for free"):
+        NearestMapper().fit(points, np.where(occupied, "hit", "miss"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        NearestMapper().fit(points, np.where(occupied, 1, -1))
 
 
 @pytest.mark.parametrize("mapper", BASELINES, ids=IDS)

@@ -22,13 +22,9 @@ from toy_rooms import tiny_grid
 
 
 def away_by_loop(query, cloud, resolution_m):
-    """How far the nearest voxel with a return is, at most 2.5 m; infinite unless a block of 1.6 m (16 voxels in 2D, 8 in 3D) with one of
-    the points lies within 2.5 m of the query along every axis."""
-    side = {2: 16, 3: 8}[len(query)] * resolution_m
-    low = np.floor(cloud.points / side) * side
-    outside = np.maximum(np.maximum(low - query, query - low - side), 0).max(axis=1)
-    middles = (np.floor(cloud.points[cloud.occupied] / resolution_m) + 0.5) * resolution_m
-    return min(np.linalg.norm(middles - query, axis=1).min(), 2.5) if (outside < 2.5).any() else np.inf
+    """How far the nearest voxel with a return is, at most 2.5 m; infinite unless the middle of a voxel with a point lies within 4 m."""
+    distance = np.linalg.norm((np.floor(cloud.points / resolution_m) + 0.5) * resolution_m - query, axis=1)
+    return min(distance[cloud.occupied].min(), 2.5) if (distance < 4).any() else np.inf
 
 
 def answers_by_loop(mapper, cloud, queries, grids):
@@ -269,9 +265,9 @@ def test_what_answers_are_looked_up_with_is_made_once_whatever_the_threads(room,
     mapper = fit(HilbertMap(reconstructor()), room.fit)
     mapper.chunk, made = 50, []
     queries = np.random.default_rng(0).uniform(-3, 13, (2000, 2))
-    for module, name in ((hilbert_map, "FrameIndex"), (evidence, "cKDTree")):
+    for module, name in ((hilbert_map, "FrameIndex"), (evidence, "Nearness")):
         slow = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *given, name=name, slow=slow: (time.sleep(0.02), made.append(name), slow(*given))[-1])
     monkeypatch.setattr(cores_module, "cores", lambda: 8)
     mapper.predict_proba(queries)
-    assert sorted(made) == ["FrameIndex", "cKDTree", "cKDTree"]
+    assert sorted(made) == ["FrameIndex", "Nearness"]

@@ -30,8 +30,7 @@ def write_octree_map(cells: MapCells, path: str | os.PathLike) -> list[Path]:
     path = Path(path)
     if path.suffix not in (".ot", ".bt"):
         raise InputError(f"{path}: expected a name that ends in .ot or .bt")
-    low, shape = cells.box()
-    shift = voxel_shift((np.stack([low, low + np.array(shape) - 1]) + 0.5) * cells.resolution_m, cells.resolution_m)
+    shift = octree_shift(cells)
     told = cells if path.suffix == ".ot" else cells.select(cells.occupied | cells.free)
     other = path.with_name(f"{path.stem}_observed{path.suffix}")
     if shift.any():
@@ -42,6 +41,12 @@ def write_octree_map(cells: MapCells, path: str | os.PathLike) -> list[Path]:
         write_octree(_octree(told, shift), whole, "observed" if told.observed.all() else "all")
         write_octree(_octree(told.select(told.observed), shift), observed)
     return [path, other]
+
+
+def octree_shift(cells: MapCells) -> np.ndarray:
+    """(3,) by how many voxels the coordinates in both files are less than the map's: none, but for a map that lies far off."""
+    low, shape = cells.box()
+    return voxel_shift((np.stack([low, low + np.array(shape) - 1]) + 0.5) * cells.resolution_m, cells.resolution_m)
 
 
 def _octree(cells: MapCells, shift: np.ndarray) -> OctoMapMapper:

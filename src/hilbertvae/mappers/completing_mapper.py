@@ -109,6 +109,11 @@ class CompletingMapper(Mapper):
     def detailed_(self) -> bool:
         return self.completes_ is not None and self.completes_.detailed  # more of each cell than its label
 
+    def _warn_without_grids(self) -> None:
+        """Of a site that has no place with enough returns."""
+        few = f"at most {self.grid_.minimum_points} voxels with returns within {self.grid_.cluster_diameter_m / 2:g} m"
+        warnings.warn(f"points: found {few}, too few for a network, so that nothing is filled in", stacklevel=4)
+
     def _as_kept(self, cloud: Cloud) -> Cloud:
         """The cloud, or as the map keeps it, one point a voxel and label, where that is less: boxes that a later scan touches are made anew
         from that, and they alone would lose what is finer. No point lies on the side of a voxel, where a grid may take it for the next."""

@@ -102,6 +102,8 @@ class HilbertMap(GrowingMapper):
             self.adapted_ = self._adapt(cloud)
         clusters = cloud_clusters(cloud, self.grid_, self.seed)
         self.seeds_, self.frames_ = clusters.seeds, frames_of(clusters, cloud, self.grid_)
+        if not len(self.frames_):
+            self._warn_without_grids()
         self.factors_ = self._cluster_factors(cloud) if self.weights == "cluster" and len(self.frames_) else None
         completed = self._complete_boxes(cloud, self.frames_)
         self.grids_, self.known_ = completed.value, completed.known

@@ -8,6 +8,7 @@ here once.
 from __future__ import annotations
 
 import pickle
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -137,6 +138,10 @@ class Mapper(ClassifierMixin, BaseEstimator):
             if both or classes.dtype != bool:
                 raise InputError(f"y: expected both free and occupied points, got one class only: {classes.tolist()}")
             classes, label = np.array([False, True]), classes[label]
+        if classes.dtype.kind not in "biuf":
+            free, hit = classes.tolist()
+            words = f"{hit!r}, the later of the two by its letters, for occupied and {free!r} for free"
+            warnings.warn(f"y: takes {words}; give True where a point is occupied if that is wrong", stacklevel=4)
         self.classes_ = classes
         return label.astype(bool)
 

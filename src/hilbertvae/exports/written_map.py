@@ -1,0 +1,46 @@
+"""The files for other tools of a map that was fitted, grown or loaded in Python."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from hilbertvae.checks import InputError, check_cell_m
+from hilbertvae.exports.formats import check_names, suiting_exports, write_exports
+from hilbertvae.exports.map_cells import REACH_M, MapCells
+from hilbertvae.exports.map_folder import SUMMARY, check_writable, writing_beside
+from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.voxel_blocks import longest_reach_m
+
+
+def write_map(
+    mapper: HilbertMap, folder: str | os.PathLike, exports: Sequence[str] | None = None, resolution_m: float | None = None
+) -> list[Path]:
+    """Write a map's cells, observed ones and those that are filled in around them, into `folder`; the paths of the files.
+
+    mapper: fitted. exports: some of `ros`, `ot`, `bt`, `points`, `mesh`, `npz` and `rerun`, all that suit the map unless given; files are
+    named as those of `hilbertvae-map`. resolution_m: of the cells, the map's own voxels unless given; coarser ones join these.
+    A full disk leaves the folder as it was. Raises `InputError` for another kind of mapper, finer cells, formats that don't suit, and a
+    folder that `hilbertvae-map` has written, whose files belong together.
+    """
+    if not isinstance(mapper, HilbertMap) or not hasattr(mapper, "evidence_"):
+        raise InputError(f"mapper: expected a fitted map, as of load_mapper or load_map, got {mapper!r:.80}")
+    output, fine_m = Path(folder), mapper.evidence_.resolution_m
+    check_names(exports)
+    exports, asked_for = suiting_exports(exports, mapper.evidence_.dimension), exports is not None
+    if resolution_m is not None and check_cell_m(resolution_m, "resolution_m") < fine_m * (1 - 1e-9):
+        raise InputError(f"resolution_m: expected at least the map's own {fine_m:g} m, got {resolution_m:g}")
+    check_writable(output)
+    if (output / SUMMARY).exists():
+        raise InputError(f"folder: {output} has a map of hilbertvae-map; choose another")
+    reach_m = min(REACH_M, longest_reach_m(fine_m, mapper.evidence_.dimension)) if mapper.cluster_count() else None
+    cells = MapCells.sample(mapper, mapper.evidence_.cloud().points, fine_m, reach_m)
+    if resolution_m is not None:
+        cells = cells.coarser(resolution_m)
+    with writing_beside(output) as beside:
+        write_exports(exports, cells, beside, asked_for=asked_for)
+        files = sorted(file.name for file in beside.iterdir())
+        for name in files:
+            os.replace(beside / name, output / name)
+    return [output / name for name in files]
