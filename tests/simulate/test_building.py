@@ -126,6 +126,12 @@ def test_a_building_nobody_can_drive_through_is_named(sim):
         simulate_building(BuildingSettings("corridors", 8, 8, clearance_m=9.0), 0)
 
 
+@pytest.mark.parametrize("laser", [LaserSettings(max_range_m=0.01), LaserSettings(miss_share=1.0)])
+def test_a_building_of_which_nothing_comes_back_is_named(sim, laser):
+    with pytest.raises(InputError, match="building.laser: expected returns within .* m, got none in 8 scans; allow a longer max_range_m"):
+        simulate_building(replace(TINY, draw_laser=False, laser=laser), 0)
+
+
 def test_a_missing_extra_is_named(monkeypatch):
     real_import = builtins.__import__
 

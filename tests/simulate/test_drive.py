@@ -7,9 +7,9 @@ pytest.importorskip("embreex")
 shapely = pytest.importorskip("shapely")
 
 from hilbertvae.simulate.drive import drive, poses_along  # noqa: E402
-from hilbertvae.simulate.floor_plan import draw_floor_plan  # noqa: E402
+from hilbertvae.simulate.floor_plan import FloorPlan, draw_floor_plan  # noqa: E402
 from hilbertvae.simulate.free_space import find_free_space  # noqa: E402
-from hilbertvae.simulate.layouts import LAYOUTS  # noqa: E402
+from hilbertvae.simulate.layouts import LAYOUTS, Floor  # noqa: E402
 
 CLEARANCE_M = 0.2
 
@@ -38,6 +38,18 @@ def test_the_way_is_one_piece_and_stays_indoors(trip):
 def test_the_way_sees_a_good_part_of_the_building(trip):
     _, way = trip
     assert np.linalg.norm(way.max(axis=0) - way.min(axis=0)) > 12
+
+
+def test_what_is_open_to_outdoors_is_not_driven_through():
+    """A hall and a larger one beside it, whose outer wall has a hole: the drive would lead out of it and around the building."""
+    halls = [shapely.box(0, 0, 5, 6), shapely.box(5.2, 0, 14, 6)]
+    walls = shapely.box(-0.2, -0.2, 14.2, 6.2) - shapely.union_all([*halls, shapely.box(13.9, 2, 14.3, 4)])
+    plan = FloorPlan([Floor(hall, "hall") for hall in halls], np.array([walls]), np.array(["wall"]), np.array([]), np.array([]))
+    space = find_free_space(plan)
+    closed, opened, outdoors = space.at(np.array([[2.5, 3.0], [9.0, 3.0], [14.7, 3.0]]))
+    assert closed > 2 and opened == outdoors == 0
+    way = drive(np.random.default_rng(0), plan, space, CLEARANCE_M, 40.0)
+    assert len(way) > 5 and shapely.contains_xy(halls[0], way).all()
 
 
 def test_poses_follow_the_way_and_turn_on_the_spot():

@@ -11,14 +11,16 @@ shapely = pytest.importorskip("shapely")
 from hilbertvae.checks import InputError  # noqa: E402
 from hilbertvae.simulate import floor, interior, room_filling  # noqa: E402
 from hilbertvae.simulate.ceilings import HIGH_M, draw_ceiling  # noqa: E402
+from hilbertvae.simulate.floor_plan import FloorPlan  # noqa: E402
 from hilbertvae.simulate.furniture import CRAMMED, PASSAGE  # noqa: E402
 from hilbertvae.simulate.interior import DOOR_M, draw_interior, lid, prism  # noqa: E402
 from hilbertvae.simulate.laser import RayCaster  # noqa: E402
 from hilbertvae.simulate.layouts import LAYOUTS, Floor  # noqa: E402
 from hilbertvae.simulate.room_filling import Piece, RoomFilling  # noqa: E402
 from hilbertvae.simulate.room_furniture import AGAINST_WALLS, FREE, ON_WALLS  # noqa: E402
-from hilbertvae.simulate.soup import Surface  # noqa: E402
+from hilbertvae.simulate.soup import Surface, joined  # noqa: E402
 from hilbertvae.simulate.street import StreetSettings, simulate_street  # noqa: E402
+from hilbertvae.simulate.surfaces import SurfaceCaster  # noqa: E402
 
 FLOORS = StreetSettings(variety="floors", azimuths=90, scans=3)
 PIECES = sorted({draw for pieces in (*AGAINST_WALLS.values(), *FREE.values(), ON_WALLS) for draw in pieces}, key=lambda draw: draw.__name__)
@@ -109,6 +111,21 @@ def test_a_floor_has_a_ceiling_walls_up_to_it_and_lintels(style):
     places = [door.representative_point() for door in plan.doorways]
     upward = above.ranges(np.array([[place.x, place.y, DOOR_M - 0.01] for place in places]), np.tile([0, 0, 1.0], (len(places), 1)))
     assert np.isclose(upward, 0.01, atol=1e-6).mean() > 0.5  # of the others, some lead through no wall
+
+
+def test_below_a_windows_sill_and_above_its_head_is_wall():
+    room, glass = shapely.box(0, 0, 6, 4), shapely.box(2, 4.1, 4, 4.16)
+    plan = FloorPlan([Floor(room, "room")], np.array([]), np.array([]), np.array([glass]), np.array([]))
+    on_ground = []
+    for seed in range(20):
+        window = joined(interior._windows(np.random.default_rng(seed), plan, room, top_m=2.6))
+        pane = window.triangles[window.surface == Surface.PANE, :, 2]
+        starts = np.array([[3.0, 2.0, height_m] for height_m in (pane.min() - 0.1, pane.mean(), pane.max() + 0.1)])
+        met, surface, _ = SurfaceCaster(window).hits(starts, np.tile([0, 1.0, 0], (3, 1)))
+        on_ground.append(pane.min() == 0)
+        np.testing.assert_allclose(met, [np.inf if on_ground[-1] else 2.02, 2.1, 2.02])  # walls begin 8 cm before the pane
+        assert surface[1:].tolist() == [Surface.PANE, Surface.WALL] and surface[0] == Surface.WALL
+    assert set(on_ground) == {True, False}
 
 
 @pytest.mark.parametrize("seed", range(6))

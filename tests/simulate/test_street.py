@@ -123,6 +123,7 @@ def test_what_moves_is_further_on_in_the_next_scan(sim):
         ({"character": "moon"}, r'street.character: expected "any" or one of residential'),
         ({"variety": "floors", "character": "town"}, "street.character: expected \"any\" where sites are floors, not streets, got 'town'"),
         ({"variety": "any"}, "street.variety: expected one of usual, wide, everywhere, floors, got 'any'"),
+        ({"variety": ["wide"]}, r"street.variety: expected one of usual, wide, everywhere, floors, got \['wide'\]"),
         ({"sensor": "radar"}, r'street.sensor: expected "any" or one of hdl64'),
         ({"azimuths": 2}, "street.azimuths: expected a whole number of at least 4"),
         ({"scans": 0}, "street.scans: expected a whole number of at least 1"),
@@ -144,6 +145,15 @@ def test_what_moves_is_further_on_in_the_next_scan(sim):
 def test_bad_settings_are_named(setting, message):
     with pytest.raises(InputError, match=message):
         StreetSettings(**setting)
+
+
+@pytest.mark.parametrize(("variety", "nearest_m"), [("usual", 2.5), ("floors", 0.5)])
+def test_a_site_of_which_nothing_comes_back_is_named(sim, variety, nearest_m):
+    blind = StreetSettings(variety=variety, azimuths=90, scans=2, nearest_m=nearest_m, max_range_m=nearest_m + 1e-6)
+    with pytest.raises(
+        InputError, match=rf"street: expected returns from {nearest_m} to .* m, got none in . scans; allow a longer max_range_m"
+    ):
+        simulate_street(blind, 0)
 
 
 def test_sites_of_one_scan_drive_nowhere():

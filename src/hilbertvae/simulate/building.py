@@ -78,7 +78,8 @@ class BuildingSettings:
 def simulate_building(settings: BuildingSettings, seed: int) -> Scans:
     """The scans of one random building in the plane. The same settings and seed give the same bits.
 
-    Raises `InputError` where the extra `sim` is not installed, or where no drivable building comes of these settings.
+    Raises `InputError` where the extra `sim` is not installed, where no drivable building comes of these settings, or where nothing at all
+    came back.
     """
     check_whole(seed, "seed")
     check_sim_extra()
@@ -121,6 +122,11 @@ def scan_from_poses(rng: np.random.Generator, plan, space, poses: np.ndarray, la
     ranges = sense(rng, laser, solid, glass, origins, directions, people.ranges(origins, directions))
     believed_origins, believed_directions = _beams(_believed(rng, poses, settings), laser)
     scan, beam = np.nonzero(np.isfinite(ranges))
+    if len(scan) == 0:
+        raise InputError(
+            f"building.laser: expected returns within {laser.max_range_m:g} m, got none in {len(poses)} scans; "
+            "allow a longer max_range_m or a smaller miss_share"
+        )
     points = believed_origins[scan, beam] + ranges[scan, beam, None] * believed_directions[scan, beam]
     return Scans(points, believed_origins[scan, beam], scan.astype(np.int32), beam.astype(np.int32))
 

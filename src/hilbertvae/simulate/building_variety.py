@@ -16,7 +16,7 @@ LASERS = {
     # Beams, field of view and range as in the makers' data sheets; noise is the one standard deviation at some metres.
     "utm30": dict(beams=1080, field_of_view_deg=270.0, max_range_m=30.0, range_noise_m=0.015, range_step_m=0.001),  # Hokuyo UTM-30LX
     "tim561": dict(beams=810, field_of_view_deg=270.0, max_range_m=10.0, range_noise_m=0.02, range_step_m=0.001),  # SICK TiM561
-    "urg04": dict(beams=682, field_of_view_deg=240.0, max_range_m=5.6, range_noise_m=0.02, range_step_m=0.001),  # Hokuyo URG-04LX
+    "urg04": dict(beams=682, field_of_view_deg=240.0, max_range_m=5.6, range_noise_m=0.02, range_step_m=0.001),  # Hokuyo URG-04LX-UG01
     "a2": dict(beams=720, field_of_view_deg=360.0, max_range_m=12.0, range_noise_m=0.025, range_step_m=0.001),  # Slamtec RPLIDAR A2
     "lds01": dict(beams=360, field_of_view_deg=360.0, max_range_m=3.5, range_noise_m=0.025, range_step_m=0.001),  # TurtleBot3's LDS-01
 }

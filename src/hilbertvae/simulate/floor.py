@@ -32,7 +32,7 @@ def simulate_floor(settings: StreetSettings, seed: int) -> Scans:
     """The scans of one random floor, upright, from where the first scan was made. Of `settings` count the sensor, scans, steps, noise and
     ranges, `nearest_m` at most 0.5 m. The same settings and seed give the same bits.
 
-    Raises `InputError` where no floor with a way for two scans comes of these settings.
+    Raises `InputError` where no floor with a way for two scans comes of these settings, or where nothing at all came back.
     """
     import shapely
 

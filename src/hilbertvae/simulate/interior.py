@@ -106,7 +106,11 @@ def _lintels(plan: FloorPlan, indoors: shapely.Geometry, top_m: float) -> list[S
 
 
 def _windows(rng, plan: FloorPlan, indoors: shapely.Geometry, top_m: float) -> list[Soup]:
-    """Panes between a sill and a head; some reach the ground."""
+    """Panes between a sill and a head; some reach the ground.
+
+    Each is a closed polygon, so that a beam crosses two faces: in all 0.056 of the beams come back from it and 0.72 go through, where
+    `surfaces.OPTICS` says 0.03 and 0.85 of one `PANE`, as houses have.
+    """
     if len(plan.glass) == 0:
         return []
     sill, head = rng.choice([0.0, 0.3, 0.9, 1.0]), rng.uniform(1.9, 2.4)

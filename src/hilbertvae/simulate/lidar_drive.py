@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hilbertvae.checks import InputError
 from hilbertvae.scans.scan import Scans
 from hilbertvae.simulate.pose_errors import wandering
 from hilbertvae.simulate.soup import Soup
@@ -26,6 +27,8 @@ def scan_along(
 
     still: the scene, in the world. moving: what else is there in scan k. noise: spread of the slowly wandering error of the poses,
     metres along each axis and degrees about each.
+
+    Raises `InputError` where nothing at all came back.
     """
     caster, beams = SurfaceCaster(still), rays(lidar)
     hidden = hidden_by_car(rng, lidar)
@@ -43,6 +46,9 @@ def scan_along(
         points.append(origin + ranges[azimuth, laser, None] * (way @ believed[k, :3, :3].T))
         beam.append(azimuth * lidar.lasers + laser)
         scan.append(np.full(len(azimuth), k))
+    if not any(map(len, points)):
+        wanted = f"returns from {lidar.nearest_m:g} to {lidar.max_range_m:g} m"
+        raise InputError(f"street: expected {wanted}, got none in {len(poses)} scans; allow a longer max_range_m or a smaller nearest_m")
     return Scans(
         np.concatenate(points), np.concatenate(origins), np.concatenate(scan).astype(np.int32), np.concatenate(beam).astype(np.int32)
     )

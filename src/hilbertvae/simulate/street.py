@@ -60,7 +60,7 @@ class StreetSettings:
     variety: str = "usual"
 
     def __post_init__(self):
-        if self.variety not in VARIETIES:
+        if not isinstance(self.variety, str) or self.variety not in VARIETIES:
             raise InputError(f"street.variety: expected one of {', '.join(VARIETIES)}, got {self.variety!r}")
         if self.character not in ("any", *CHARACTERS):
             raise InputError(f'street.character: expected "any" or one of {", ".join(CHARACTERS)}, got {self.character!r}')
@@ -103,7 +103,7 @@ def simulate_street(settings: StreetSettings, seed: int) -> Scans:
 
     The same settings and seed give the same bits.
 
-    Raises `InputError` where the extra `sim` is not installed.
+    Raises `InputError` where the extra `sim` is not installed, or where nothing at all came back.
     """
     check_whole(seed, "seed")
     check_sim_extra()
