@@ -69,7 +69,7 @@ def checkpoint(tmp_path_factory) -> Path:
 
 
 def test_there_is_something_to_execute():
-    assert len(COMMANDS) >= 4 and len(MAPPING) >= 4 and len(PYTHON) == 2
+    assert len(COMMANDS) >= 4 and len(MAPPING) >= 4 and len(PYTHON) == 3
 
 
 @pytest.mark.parametrize("command", COMMANDS)
