@@ -33,6 +33,28 @@ def test_pairs_equal_brute_force(seed, dimension, count, boxes, size_m):
     assert sorted(zip(box.tolist(), point.tolist(), strict=True)) == brute_force(points, low, high)
 
 
+@settings(max_examples=40)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    dimension=st.integers(2, 3),
+    count=st.integers(0, 40),
+    boxes=st.integers(0, 8),
+    most=st.sampled_from([1, 10, 1000]),
+)
+def test_portions_of_boxes_have_the_same_pairs(seed, dimension, count, boxes, most):
+    rng = np.random.default_rng(seed)
+    index = BucketIndex(rng.uniform(-3, 3, (count, dimension)), 0.5)
+    low = rng.uniform(-4, 3, (boxes, dimension))
+    high = low + rng.uniform(0, 3, (boxes, dimension))
+    found = list(index.in_portions(low, high, most))
+    assert [box for some, _, _ in found for box in range(some.start, some.stop)] == list(range(boxes))
+    for some, box, point in found:
+        assert ((box >= some.start) & (box < some.stop)).all() and (len(point) <= most or some.stop - some.start == 1)
+    assert most < 1000 or len(found) <= 1
+    for whole, parts in zip(index.in_boxes(low, high), zip(*(pairs for _, *pairs in found), strict=True), strict=False):
+        np.testing.assert_array_equal(np.concatenate(parts), whole)
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_boxes_far_outside_hold_nothing(dimension):
     points = np.random.default_rng(0).uniform(0, 1, (20, dimension))

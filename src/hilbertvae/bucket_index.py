@@ -7,8 +7,11 @@ is a few runs, found by bisection and laid out with `repeat`: no Python loop ove
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
+
+from hilbertvae.portions import portions
 
 
 class BucketIndex:
@@ -29,6 +32,20 @@ class BucketIndex:
 
     def in_boxes(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pairs (box (P,), point (P,)) with `low[box] <= points[point] <= high[box]`, sorted by box. low, high: (B, D) metres."""
+        return self._inside(*self._runs(low, high), low, high)
+
+    def in_portions(self, low: np.ndarray, high: np.ndarray, most: int) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+        """(boxes, box (P,), point (P,)): the pairs of `in_boxes`, some boxes after the other: as many at a time as have at most `most`
+        points to look at, or one."""
+        start, end, box = self._runs(low, high)
+        first = np.searchsorted(box, np.arange(len(low) + 1))
+        looked_at = np.concatenate([[0], np.cumsum(end - start)])[first]
+        for boxes in portions(looked_at, len(low), most):
+            runs = slice(first[boxes.start], first[boxes.stop])
+            yield boxes, *self._inside(start[runs], end[runs], box[runs], low, high)
+
+    def _runs(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Runs of the sorted points, (R,) where each starts, where it ends, and in which box it may lie, sorted by box."""
         first = np.clip(self._bucket(low), 0, self.shape)
         last = np.clip(self._bucket(high), -1, self.shape - 1)
         rows = (last - first + 1)[:, :-1].max(axis=0, initial=0)
@@ -42,10 +59,15 @@ class BucketIndex:
             ends.append(np.searchsorted(self.keys, (key + (last - first)[box, -1]).astype(of), "right"))
             boxes.append(box)
         if not boxes:
-            return np.empty(0, np.int64), np.empty(0, np.int64)
+            return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0, np.int64)
         start, end, box = np.concatenate(starts), np.concatenate(ends), np.concatenate(boxes)
         by_box = np.argsort(box, kind="stable")
-        start, end, box = start[by_box], end[by_box], box[by_box]
+        return start[by_box], end[by_box], box[by_box]
+
+    def _inside(
+        self, start: np.ndarray, end: np.ndarray, box: np.ndarray, low: np.ndarray, high: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The pairs of a box and a point in it, of these runs."""
         count = end - start
         box = np.repeat(box, count)
         position = np.arange(len(box)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(start, count)

@@ -45,16 +45,17 @@ def word_for_word(points, count, oversampling, rounds, rng):
     return chosen
 
 
-def test_candidates_follow_the_law_of_the_algorithm_and_weigh_what_they_stand_for(monkeypatch):
+@pytest.mark.parametrize("oversampling", [0.7, 2.0])
+def test_candidates_follow_the_law_of_the_algorithm_and_weigh_what_they_stand_for(monkeypatch, oversampling):
     points = np.column_stack([[0.0, 0.1, 0.6, 1.2, 1.5, 2.4, 3.1, 7.0], np.zeros(8)])
     runs, caught = 3000, []
     monkeypatch.setattr(hilbertvae.clusters.kmeans_parallel, "kmeans_plus_plus", lambda *given, seed: caught.append(given))
     for k in range(runs):
-        kmeans_parallel(points, 2, 1.0, 2, seed=k)
+        kmeans_parallel(points, 2, oversampling, 2, seed=k)
     assert all(weight.sum() == 8 and len(weight) == len(candidates) for candidates, _, weight in caught)
     caught = [candidates for candidates, _, _ in caught if len(candidates) > 2]  # no others were filled up
 
-    theirs = [word_for_word(points, 2, 1.0, 2, np.random.default_rng([k, 1])) for k in range(runs)]
+    theirs = [word_for_word(points, 2, oversampling, 2, np.random.default_rng([k, 1])) for k in range(runs)]
     theirs = [chosen for chosen in theirs if len(chosen) > 2]
     assert abs(len(theirs) - len(caught)) <= 4 * np.sqrt(runs / 2)
     runs = len(theirs)
@@ -72,8 +73,10 @@ def test_every_heap_gets_a_seed_which_random_points_miss():
 
 
 def test_far_from_the_origin_the_same_points_are_picked():
-    points = np.random.default_rng(0).integers(0, 64, (300, 2)) / 8
-    np.testing.assert_allclose(kmeans_parallel(points, 40, seed=3) + UTM, kmeans_parallel(points + UTM, 40, seed=3))
+    points = np.random.default_rng(0).uniform(0, 1, (300, 2))  # no round numbers, whose products have all their digits there, too
+    for seed in range(3):
+        near, far = kmeans_parallel(points, 40, seed=seed), kmeans_parallel(points + UTM, 40, seed=seed)
+        np.testing.assert_allclose(near, far - UTM, rtol=0, atol=1e-8)
 
 
 def test_another_seed_gives_others(room):

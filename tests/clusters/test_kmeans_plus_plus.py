@@ -20,8 +20,10 @@ def test_as_many_points_of_the_cloud_as_asked_for(points, share, seed):
 
 
 def test_far_from_the_origin_the_same_points_are_picked():
-    points = np.random.default_rng(0).integers(0, 64, (256, 2)) / 8  # a mean without rounding, so that the draws are the same
-    np.testing.assert_array_equal(kmeans_plus_plus(points, 60, seed=3) + UTM, kmeans_plus_plus(points + UTM, 60, seed=3))
+    points = np.random.default_rng(0).uniform(0, 1, (256, 2))  # no round numbers, whose products have all their digits there, too
+    for seed in range(3):
+        near, far = kmeans_plus_plus(points, 60, seed=seed), kmeans_plus_plus(points + UTM, 60, seed=seed)
+        np.testing.assert_allclose(near, far - UTM, rtol=0, atol=1e-8)
 
 
 def test_a_point_without_weight_is_no_seed_and_a_heavy_one_most_often():

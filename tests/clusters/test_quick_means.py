@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from hilbertvae.checks import InputError
 from hilbertvae.clusters import clusters as clusters_module
 from hilbertvae.clusters import quick_means as walk
+from hilbertvae.clusters.clusters import flat
 from hilbertvae.clusters.quick_means import quick_means
 
 
@@ -111,9 +112,25 @@ def test_one_permutation_is_walked_and_consumed_points_are_skipped(room, monkeyp
     np.testing.assert_array_equal(quick_means(returns, 1.0, 0.5, 0, seed=3).seeds, returns[seeds])
 
 
-def test_members_are_whole_balls_in_every_portion_of_seeds(room, monkeypatch):
-    returns = room.fit.points[room.fit.occupied]
-    monkeypatch.setattr(clusters_module, "SEEDS_AT_ONCE", 3)
+@pytest.mark.parametrize(("seeds", "members"), [(3, 2**20), (4096, 100), (4096, 1)])
+def test_members_are_whole_balls_in_every_portion_of_seeds(room, monkeypatch, seeds, members):
+    returns, listed = room.fit.points[room.fit.occupied], []
+    monkeypatch.setattr(clusters_module, "SEEDS_AT_ONCE", seeds)
+    monkeypatch.setattr(clusters_module, "MEMBERS_AT_ONCE", members)
+    monkeypatch.setattr(clusters_module, "flat", lambda balls: listed.append([len(ball) for ball in balls]) or flat(balls))
     found = quick_means(returns, 1.0, 0.5, 0)
     balls = [np.flatnonzero(np.linalg.norm(returns - seed, axis=1) <= 1.0) for seed in found.seeds]
     np.testing.assert_array_equal(found.members, np.concatenate(balls))
+    assert all(len(sizes) <= seeds and (sum(sizes) <= members or len(sizes) == 1) for sizes in listed)
+
+
+def test_some_clusters_are_those_of_all(room):
+    """Whether or not their points have been counted before."""
+    found, uncounted = (quick_means(room.fit.points[room.fit.occupied], 1.0, 0.5, 0) for _ in range(2))
+    assert len(found.sizes) == len(found) > 4
+    for some in (slice(1, 4), np.array([4, 0])):
+        for part in (found.select(some), uncounted.select(some)):
+            np.testing.assert_array_equal(part.sizes, found.sizes[some])
+            np.testing.assert_array_equal(
+                part.members, np.concatenate([np.split(found.members, found.offsets)[k + 1] for k in np.r_[some]])
+            )

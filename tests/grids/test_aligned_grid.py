@@ -11,6 +11,7 @@ from hilbertvae.grids.aligned_grid import (
     OCCUPIED,
     PLACE_STEPS,
     UNKNOWN,
+    IndexedCloud,
     bin_places,
     bin_points,
     cell_index,
@@ -56,6 +57,40 @@ def test_portions_of_frames_and_threads_change_nothing(monkeypatch):
     monkeypatch.setattr(aligned_grid, "CELLS_AT_ONCE", 2 * 8**2)
     monkeypatch.setattr(cores, "cores", lambda: 4)
     for found, expected in zip(bin_points(cloud, frames, 8), whole, strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_no_more_points_are_looked_at_than_fit(monkeypatch):
+    """Of voxels finer than cells: so many boxes at a time as have few enough, or one."""
+    rng, counted = np.random.default_rng(0), []
+    cloud = Cloud(rng.uniform(-3, 3, (3000, 2)), rng.random(3000) < 0.4, rng.uniform(1, 2, 3000))
+    frames = random_frames(rng, 30, 2, True)
+    whole, places, original = bin_points(cloud, frames, 8), bin_places(cloud, frames, 8), aligned_grid.count_votes
+    monkeypatch.setattr(aligned_grid, "POINTS_AT_ONCE", 1000)
+    monkeypatch.setattr(
+        aligned_grid,
+        "count_votes",
+        lambda of, found, shape: counted.append((found.count(), len(found.point))) or original(of, found, shape),
+    )
+    for found, expected in zip(bin_points(cloud, frames, 8), whole, strict=True):
+        np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(bin_places(cloud, frames, 8), places)
+    assert all(points <= 1000 or boxes == 1 for boxes, points in counted)
+    assert sum(boxes for boxes, _ in counted) == 30 and 1 < len(counted) < 30
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_boxes_of_very_different_sizes(dimension):
+    """Beside many of a millimetre, buckets for which a large one would be of more than can be looked up."""
+    rng = np.random.default_rng(0)
+    cloud = Cloud(rng.uniform(-3, 3, (80, dimension)), rng.random(80) < 0.4, np.ones(80))
+    frames = random_frames(rng, 5, dimension, True)
+    usual = IndexedCloud.around(cloud, frames)
+    assert usual.index.size_m == np.median(frames.scale) / 4
+    mixed = Frames(np.concatenate([frames.centre, cloud.points[:9]]), np.concatenate([frames.rotation] * 3)[:14], np.full(14, 1e-3))
+    mixed.scale[:5] = frames.scale
+    assert IndexedCloud.around(cloud, mixed).index.size_m == frames.scale.max() / aligned_grid.LARGE / 4
+    for found, expected in zip(bin_points(cloud, mixed, 4), bin_by_loop(cloud, mixed, 4), strict=True):
         np.testing.assert_array_equal(found, expected)
 
 

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
+from hilbertvae.bucket_index import BucketIndex
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.clusters.clusters import Clusters
@@ -195,12 +196,40 @@ def test_unturned_boxes_lie_on_the_lattice(place):
     assert np.abs(frames.centre - seeds).max() <= 0.1 + 1e-9
 
 
-@pytest.mark.parametrize("rotation", ["full", "yaw"])
-def test_portions_of_clusters_change_nothing(place, rotation, monkeypatch):
-    whole = frames_of(place.fit, "median", rotation, "extent")
-    monkeypatch.setattr(frame, "AT_ONCE", 3)
-    found = frames_of(place.fit, "median", rotation, "extent")
-    np.testing.assert_array_equal(found.rotation, whole.rotation)
+@pytest.mark.parametrize("limits", [{"AT_ONCE": 3}, {"MEMBERS_AT_ONCE": 300}, {"MEMBERS_AT_ONCE": 1}, {"FREE_AT_ONCE": 1}], ids=str)
+@pytest.mark.parametrize("choice", [("median", "full", "extent"), ("median", "yaw", "fixed"), ("seed", "none", "extent")], ids="-".join)
+def test_portions_of_clusters_change_nothing(place, choice, limits, monkeypatch):
+    whole, shown, original = frames_of(place.fit, *choice), [], frame._frames
+    for name, value in limits.items():
+        monkeypatch.setattr(frame, name, value)
+    monkeypatch.setattr(frame, "_frames", lambda clusters, *how: shown.append(clusters.sizes) or original(clusters, *how))
+    found = frames_of(place.fit, *choice)
+    for name in ("centre", "rotation", "scale"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(whole, name))
+    most = limits.get("AT_ONCE", 256), limits.get("MEMBERS_AT_ONCE", 2**18)
+    assert all(len(sizes) <= most[0] and (sizes.sum() <= most[1] or len(sizes) == 1) for sizes in shown)
+
+
+def test_no_more_free_points_are_looked_at_than_fit(place, monkeypatch):
+    looked_at, original = [], BucketIndex.in_portions
+
+    def watched(self, *how):
+        for some, box, point in original(self, *how):
+            looked_at.append((some.stop - some.start, len(point)))
+            yield some, box, point
+
+    monkeypatch.setattr(BucketIndex, "in_portions", watched)
+    monkeypatch.setattr(frame, "FREE_AT_ONCE", 5000)
+    frames = frames_of(place.fit, "seed", "full", "fixed")
+    assert all(points <= 5000 or boxes == 1 for boxes, points in looked_at)
+    assert sum(boxes for boxes, _ in looked_at) == len(frames) and len(looked_at) > 1
+
+
+def test_a_cluster_of_returns_that_coincide_has_a_box():
+    points = np.concatenate([np.ones((20, 2)), np.random.default_rng(0).uniform(10, 12, (20, 2))])
+    frames = frames_of(Cloud(points, np.ones(40, bool), np.ones(40)), "median", "full", "extent")
+    assert frames.scale.min() == frame.LEAST_SCALE_M == 1e-3 and frames.scale.max() > 1
+    assert np.isfinite(frames.into(points[:1], frames.scale.argmin(keepdims=True))).all()
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -5,7 +5,7 @@ import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import fit_cloud, placed_as, voxel_cloud
-from hilbertvae.gaps import OUTSIDE, random_gaps
+from hilbertvae.gaps import OUTSIDE, NoRoom, random_gaps
 from hilbertvae.grids import training_grids as made_by
 from hilbertvae.grids.aligned_grid import count_code
 from hilbertvae.grids.cluster_grids import bin_detailed, bin_grids, find_frames
@@ -13,6 +13,7 @@ from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.grids.training_grids import ClusteringSettings, gapped_grids, training_grids, turned
 from hilbertvae.observed_map import CELL_WEIGHT, cloud_of_cells
 from hilbertvae.occlusions import random_occlusion
+from hilbertvae.scans.scan import Scans
 from hilbertvae.voxel_votes import voxel_index
 from toy_rooms import tiny_grid
 
@@ -167,6 +168,26 @@ def test_targets_say_how_many_points_are_in_each_cell(place):
     whole = fit_cloud(place.scans, place.resolution_m)
     votes = np.where(whole.occupied, 1, place.resolution_m / 2) * whole.weight
     assert counts.max() <= votes.max() * 1.1 + 0.1
+
+
+@pytest.mark.parametrize("mapped", [0.0, 1.0])
+def test_a_site_whose_returns_are_all_in_gaps_has_no_room(mapped):
+    """One short wall at the end of a hall: balls take few of all points, which lie along the beams."""
+    angle = np.linspace(-0.05, 0.05, 60)
+    wall = np.column_stack([np.full(60, 12.0), 12 * np.tan(angle)])
+    scans = Scans(wall, np.zeros((60, 2)), np.zeros(60, np.int32), np.arange(60, dtype=np.int32))
+    how, refused = ClusteringSettings(1, [1.5, 3.5], mapped_share=mapped, turn=False), 0
+    for seed in range(6):
+        cut = random_gaps(fit_cloud(scans, 0.1), (1.5, 3.5), 0.1, seed).cut(fit_cloud(scans, 0.1))
+        if cut.occupied.any():
+            training_grids(scans, 0.1, tiny_grid(), how, seed)
+            continue
+        refused += 1
+        with pytest.raises(NoRoom, match=r"gaps of \(1.5, 3.5\) m: leave no occupied point of this site"):
+            training_grids(scans, 0.1, tiny_grid(), how, seed)
+        with pytest.raises(NoRoom, match="leave no occupied point of this site"):
+            gapped_grids(fit_cloud(scans, 0.1), 0.1, tiny_grid(), (1.5, 3.5), seed, False, most=5)
+    assert 0 < refused < 6
 
 
 def test_gaps_of_a_cloud_without_scans(place):

@@ -4,7 +4,7 @@ from sklearn.base import clone
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud, fit_cloud
-from hilbertvae.grids.cluster_grids import bin_grids
+from hilbertvae.grids.cluster_grids import GridSettings, bin_grids
 from hilbertvae.mappers import completing_mapper
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.saved_map import load_map, save_map
@@ -43,17 +43,31 @@ def test_a_map_whose_network_learned_from_the_site(place):
 def test_as_many_clusterings_as_steps_need(room, monkeypatch, steps, clusterings):
     seen = []
 
-    def learn(network, shown, target, steps, seed, device):
+    def learn(network, shown, target, *how):
         seen.append((shown, target))
         return network
 
     monkeypatch.setattr(adaptation, "adapted", learn)
-    monkeypatch.setattr(adaptation, "batch_size", lambda network: 5)
+    monkeypatch.setattr(adaptation, "batch_size", lambda grid, dimension: 5)
     mapper = fit(HilbertMap(tiny_reconstructor(), adapt_steps=steps), room.fit)
     ((shown, target),) = seen
     assert len(shown) == len(target)
     assert len(shown) == 5 if clusterings == 1 else len(shown) > 4 * len(mapper.frames_)
     assert ((shown == 0) & (target != 0)).any()
+
+
+def test_it_learns_from_grids_of_the_map_s_own(room, monkeypatch):
+    """Boxes of fewer and larger cells than the network's: gaps as large in metres, more of them in a box, and batches of as many cells."""
+    network, steps, original = tiny_reconstructor(), [], adaptation.augment
+    grid = GridSettings(cells=8, cluster_diameter_m=6.4, inner_radius_m=0.5, minimum_points=3)
+    monkeypatch.setattr(adaptation, "BATCH_CELLS", 2**9)
+    monkeypatch.setattr(adaptation, "augment", lambda shown, *how: steps.append((shown, *how[1:])) or original(shown, *how))
+    fit(HilbertMap(network, weights="unit", grid=grid, adapt_steps=3), room.fit)
+    assert len(steps) == 3
+    for shown, settings, dimension in steps:
+        assert shown.shape == (8, 8, 8) and dimension == 2
+        np.testing.assert_allclose(np.multiply(settings.ball_diameter_cells, grid.cell_m), adaptation.GAP_DIAMETER_M)
+        assert settings.balls == round(6.4**2 / adaptation.BALLS_AREA_M2)
 
 
 def test_it_goes_on_with_the_network_that_learned(room, tmp_path):

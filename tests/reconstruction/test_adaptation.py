@@ -8,12 +8,13 @@ from scipy.special import expit
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import fit_cloud
-from hilbertvae.grids.cluster_grids import labels_of
+from hilbertvae.grids.cluster_grids import GridSettings, labels_of
 from hilbertvae.grids.training_grids import gapped_grids
 from hilbertvae.reconstruction import adaptation
 from hilbertvae.reconstruction.adaptation import adapted, batch_size
+from hilbertvae.reconstruction.blocks import Reconstruction
 from hilbertvae.reconstruction.settings import LikelihoodSettings
-from toy_rooms import tiny_reconstructor
+from toy_rooms import tiny_grid, tiny_reconstructor
 
 
 def pairs_of(place, seed, detailed=False):
@@ -40,7 +41,7 @@ def test_it_learns_what_other_gaps_of_the_site_hide(place, encoding, monkeypatch
     before = tiny_reconstructor(place.dimension, encoding=encoding)
     pairs, other = (pairs_of(place, seed, before.detailed) for seed in (1, 2))
     kept, state = weights_of(before), torch.random.get_rng_state()
-    after = adapted(before, *pairs, steps=40, seed=0)
+    after = adapted(before, *pairs, before.grid, steps=40, seed=0)
     assert torch.equal(torch.random.get_rng_state(), state)
     assert hidden_loss(after, other) < 0.9 * hidden_loss(before, other)
     for name, tensor in weights_of(before).items():
@@ -51,12 +52,12 @@ def test_it_learns_what_other_gaps_of_the_site_hide(place, encoding, monkeypatch
 
 def test_the_seed_decides(room):
     before, pairs = tiny_reconstructor(), pairs_of(room, 1)
-    one, same, other = (adapted(before, *pairs, steps=3, seed=seed).fingerprint() for seed in (0, 0, 1))
+    one, same, other = (adapted(before, *pairs, before.grid, steps=3, seed=seed).fingerprint() for seed in (0, 0, 1))
     assert one == same != other
     with torch.no_grad():
-        assert adapted(before, *pairs, steps=3, seed=0).fingerprint() == one
+        assert adapted(before, *pairs, before.grid, steps=3, seed=0).fingerprint() == one
     with torch.inference_mode():
-        assert adapted(before, *pairs, steps=3, seed=0).fingerprint() == one
+        assert adapted(before, *pairs, before.grid, steps=3, seed=0).fingerprint() == one
 
 
 def test_what_nobody_saw_is_answered_as_before(room, monkeypatch):
@@ -67,7 +68,7 @@ def test_what_nobody_saw_is_answered_as_before(room, monkeypatch):
     before = replace(before, likelihood=replace(before.likelihood, known_weight=1.0))
 
     def moved():
-        after = adapted(before, *pairs, steps=40, seed=0)
+        after = adapted(before, *pairs, before.grid, steps=40, seed=0)
         asked = before.complete(pairs[0], flips=1), after.complete(pairs[0], flips=1)
         unknown = pairs[1] == 0
         logits = np.abs(np.subtract(*(np.float32(found.value) for found in asked)))[unknown].mean()
@@ -88,9 +89,30 @@ def test_divergence_is_that_of_two_coins():
     np.testing.assert_allclose(adaptation._divergence(before, before), 0, atol=1e-6)
 
 
+@pytest.mark.parametrize("shape", [(3, 4, 5), (2, 3, 4, 5)])
+def test_what_is_kept_by_an_explicit_loop(shape):
+    """How the network's answers differ counts by how likely a cell is to be seen, where nobody saw it; which cells would be, everywhere."""
+    rng = np.random.default_rng(0)
+    output, known, before, likely = torch.from_numpy(rng.normal(0, 2, (4, *shape)))
+    unknown, wanted = rng.random(shape) < 0.6, np.zeros(shape[0])
+    for cell in np.ndindex(shape):
+        apart, other = (adaptation._divergence(*pair).item() for pair in ((output[cell], before[cell]), (known[cell], likely[cell])))
+        wanted[cell[0]] += apart * expit(likely[cell].item()) * unknown[cell] + 0.3 * other
+    found, said = Reconstruction(output, None, None, known), Reconstruction(before, None, None, likely)
+    np.testing.assert_allclose(adaptation._kept(found, said, torch.from_numpy(unknown), 0.3), wanted, rtol=1e-4)
+
+
 def test_a_batch_has_as_many_cells_whatever_the_grid():
-    assert batch_size(tiny_reconstructor()) == 2**16 // 16**2
-    assert batch_size(tiny_reconstructor(3)) == 2**16 // 16**3
+    assert batch_size(tiny_grid(), 2) == 2**16 // 16**2
+    assert batch_size(tiny_grid(3), 3) == 2**16 // 16**3
+    assert batch_size(tiny_grid(cells=512), 2) == 1
+
+
+def test_gaps_are_as_large_in_metres_whatever_the_cells():
+    for grid, balls in ((GridSettings(cells=64, cluster_diameter_m=6.4), 2), (GridSettings(cells=32, cluster_diameter_m=12.8), 8)):
+        found = adaptation._augmentation(grid)
+        np.testing.assert_allclose(np.multiply(found.ball_diameter_cells, grid.cell_m), [1.0, 3.5])
+        assert found.balls == balls
 
 
 def test_networks_of_another_kind_are_refused(room):
@@ -100,14 +122,14 @@ def test_networks_of_another_kind_are_refused(room):
     squared.likelihood = LikelihoodSettings(kind="gaussian")
     for network in (silent, squared):
         with pytest.raises(InputError, match="adapt_steps: expected a network that answers with logits"):
-            adapted(network, *pairs, steps=1, seed=0)
+            adapted(network, *pairs, network.grid, steps=1, seed=0)
 
 
 def test_threads_and_large_seeds_change_nothing(room):
     before, pairs = tiny_reconstructor(), pairs_of(room, 1)
     state = torch.random.get_rng_state()
-    alone = adapted(before, *pairs, steps=3, seed=0).fingerprint()
+    alone = adapted(before, *pairs, before.grid, steps=3, seed=0).fingerprint()
     with ThreadPoolExecutor(2) as pool:
-        together = list(pool.map(lambda seed: adapted(before, *pairs, steps=3, seed=seed).fingerprint(), [0, 0, 2**64]))
+        together = list(pool.map(lambda seed: adapted(before, *pairs, before.grid, steps=3, seed=seed).fingerprint(), [0, 0, 2**64]))
     assert together[:2] == [alone] * 2 and together[2] != alone
     assert torch.equal(torch.random.get_rng_state(), state)

@@ -9,8 +9,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from hilbertvae.cores import cores
+from hilbertvae.portions import portions
 
-SEEDS_AT_ONCE = 4096
+SEEDS_AT_ONCE, MEMBERS_AT_ONCE = 4096, 2**20
+"""Balls, and points in them, that the tree lists at a time: its lists take many times the memory of the numbers in them."""
 
 
 class Clusters:
@@ -27,7 +29,10 @@ class Clusters:
 
     def select(self, chosen: slice | np.ndarray) -> Clusters:
         """The clusters at `chosen`."""
-        return Clusters(self.seeds[chosen], self._tree, self._outer_radius_m)
+        some = Clusters(self.seeds[chosen], self._tree, self._outer_radius_m)
+        if "sizes" in self.__dict__:  # counted already
+            some.sizes = self.sizes[chosen]
+        return some
 
     @cached_property
     def sizes(self) -> np.ndarray:
@@ -42,7 +47,11 @@ class Clusters:
     @cached_property
     def members(self) -> np.ndarray:
         """(P,) flat indices of points, those of cluster m at `members[offsets[m]:offsets[m + 1]]`, ascending."""
-        return _balls(self._tree, self.seeds, self._outer_radius_m)
+        members = np.empty(self.offsets[-1], np.int64)
+        for some in portions(self.offsets, SEEDS_AT_ONCE, MEMBERS_AT_ONCE):
+            balls = self._tree.query_ball_point(self.seeds[some], self._outer_radius_m, workers=cores(), return_sorted=True)
+            members[self.offsets[some.start] : self.offsets[some.stop]] = flat(balls)
+        return members
 
     @property
     def numbers(self) -> np.ndarray:
@@ -68,18 +77,6 @@ def ball_sizes(tree: cKDTree, centres: np.ndarray, radius_m: float) -> np.ndarra
         near = cKDTree(centres).indices  # centre after centre nearby, so that what one ball reads is still in the cache for the next
         sizes[near] = tree.query_ball_point(centres[near], radius_m, workers=cores(), return_length=True)
     return sizes
-
-
-def _balls(tree: cKDTree, centres: np.ndarray, radius_m: float) -> np.ndarray:
-    """(P,) which points lie within the radius of each of `centres (M, D)`, ball after ball, ascending in each.
-
-    Some balls at a time: the tree answers in lists, which take many times the memory of the numbers in them.
-    """
-    members = [np.empty(0, np.int64)]
-    for start in range(0, len(centres), SEEDS_AT_ONCE):
-        balls = tree.query_ball_point(centres[start : start + SEEDS_AT_ONCE], radius_m, workers=cores(), return_sorted=True)
-        members.append(flat(balls))
-    return np.concatenate(members)
 
 
 def flat(balls: np.ndarray) -> np.ndarray:

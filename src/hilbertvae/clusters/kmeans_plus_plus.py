@@ -13,7 +13,8 @@ from hilbertvae.checks import InputError, check_count, check_points, check_whole
 def kmeans_plus_plus(points: np.ndarray, count: int, weight: np.ndarray | None = None, seed: int = 0) -> np.ndarray:
     """(count, D) seeds among `points (N, D)`, metres, in the order drawn; `weight (N,)`: how many points each stands for, 1 unless given.
 
-    An `InputError` for more seeds than points. Seeds differ where there are as many different points.
+    An `InputError` for more seeds than points. Seeds differ where there are as many different points, unless squares of how far apart the
+    farthest are have no digits for the others: of points in 10 m, with one 1e9 m away, some are seeds twice.
     """
     from sklearn.cluster import kmeans_plusplus  # late: seconds that only this start should cost
 

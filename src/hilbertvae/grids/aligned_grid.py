@@ -25,8 +25,12 @@ SLACK = 1e-6
 coordinates are those of a map grid (4e6 m are told apart to 5e-10 m)."""
 MOST_WEIGHT = 1e30
 """What a point counts for at most: sums of larger weights would be no numbers in single precision, and cells of theirs free."""
-CELLS_AT_ONCE = 2**18
-"""Cells counted at a time: few enough that they and their points stay in the processor's cache. Changes no number."""
+CELLS_AT_ONCE, POINTS_AT_ONCE = 2**18, 2**20
+"""Cells counted at a time, few enough that they and their points stay in the processor's cache, and points looked at for them, which are
+many where voxels are finer than cells. Change no number."""
+LARGE = 8
+"""From how many times the size of most boxes on the largest has a say in that of buckets: beside clusters of returns that coincide, whose
+boxes are of a millimetre, it would be made of more than can be looked up."""
 
 
 class IndexedCloud:
@@ -42,8 +46,10 @@ class IndexedCloud:
 
     @classmethod
     def around(cls, cloud: Cloud | IndexedCloud, frames: Frames) -> IndexedCloud:
-        """That cloud, for boxes of these frames."""
-        return cloud if isinstance(cloud, IndexedCloud) else cls(cloud, float(np.median(frames.scale)))
+        """That cloud, for boxes of these frames: for most of them, unless the others are `LARGE`."""
+        if isinstance(cloud, IndexedCloud):
+            return cloud
+        return cls(cloud, max(float(np.median(frames.scale)), float(frames.scale.max()) / LARGE))
 
 
 class Members(NamedTuple):
@@ -99,10 +105,11 @@ def bin_members(put: Callable[[Members, Cloud], None], cloud: Cloud | IndexedClo
     low, high = low - slack, high + slack
 
     def part(start: int) -> None:
-        chosen = slice(start, min(start + at_once, len(frames)))
-        box, point = cloud.index.in_boxes(low[chosen], high[chosen])
-        cell, inside = cell_index(frames, cloud.cloud.points[point], box + start, cells)
-        put(Members(chosen, box[inside], point[inside], cell[inside]), cloud.cloud)
+        some = slice(start, min(start + at_once, len(frames)))
+        for boxes, box, point in cloud.index.in_portions(low[some], high[some], POINTS_AT_ONCE):
+            chosen = slice(start + boxes.start, start + boxes.stop)
+            cell, inside = cell_index(frames, cloud.cloud.points[point], box + start, cells)
+            put(Members(chosen, box[inside] - boxes.start, point[inside], cell[inside]), cloud.cloud)
 
     on_all_cores(part, range(0, len(frames), at_once))
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_share
 from hilbertvae.cloud import FREE_POINT_M, Cloud, fit_cloud, labelled_voxels, placed_as
-from hilbertvae.gaps import NoRoom, is_range, random_gaps
+from hilbertvae.gaps import Gaps, NoRoom, is_range, random_gaps
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, bin_shown, bin_voted, find_frames
 from hilbertvae.observed_map import FINE, map_of
 from hilbertvae.occlusions import random_occlusion
@@ -61,27 +61,27 @@ def training_grids(
     `bin_voted` makes it, with as many votes as the `points` cloud has points.
 
     The gaps are cut by the evaluation's code before anything else, so that clusters and frames are those of a gapped site; the target
-    is the uncut site, binned in the same frames.
+    is the uncut site, binned in the same frames. Raises `NoRoom` for a site too small for gaps.
     """
     rng = np.random.default_rng([seed, 0x9A15])
     if clustering.turn:
         scans = turned(scans, rng.uniform(0, 2 * np.pi))
     whole = cloud = fit_cloud(scans, resolution_m)
-    gaps = None
+    gaps, sizes = None, tuple(clustering.gap_diameter_m)
     if rng.random() < clustering.occluded_share:
         scans = scans.select(random_occlusion(scans, seed))
         cloud = fit_cloud(scans, resolution_m)
         whole = placed_as(whole, cloud, resolution_m)  # or a turned box would take for hidden what is shown a cell further
-    elif clustering.gap_diameter_m:
-        gaps = random_gaps(whole, tuple(clustering.gap_diameter_m), resolution_m, seed)
-        cloud = gaps.cut(whole)
+    elif sizes:
+        gaps = random_gaps(whole, sizes, resolution_m, seed)
+        cloud = _cut(gaps, whole, sizes)
     if rng.random() < clustering.mapped_share:
         whole = placed_as(whole, labelled_voxels(cloud, resolution_m), resolution_m)
         cell_m = resolution_m / rng.choice([1, FINE])
         voxel_m = rng.choice([cell_m, resolution_m])  # a map is filled in its own cells, unless asked for in others
         if cell_m < resolution_m:
             cloud = fit_cloud(scans, cell_m)
-            cloud = gaps.cut(cloud) if gaps else cloud
+            cloud = _cut(gaps, cloud, sizes) if gaps else cloud
         cloud = map_of(cloud, cell_m, voxel_m)
     frames = find_frames(cloud, grid, seed)
     target = bin_voted(whole, frames, grid, resolution_m / FREE_POINT_M) if voted else bin_grids(whole, frames, grid)
@@ -93,11 +93,17 @@ def gapped_grids(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(shown, target): int8 grids of one clustering, without and with what gaps removed, as `training_grids` makes them, but of a `cloud`
     whose scans are not there. `most`: of more clusters than that, so many are drawn. Raises `NoRoom` for a cloud too small for gaps."""
-    cut = random_gaps(cloud, gap_diameter_m, resolution_m, seed).cut(cloud)
-    if not cut.occupied.any():
-        raise NoRoom(f"gaps of {gap_diameter_m} m: leave no occupied point of this site")
+    cut = _cut(random_gaps(cloud, gap_diameter_m, resolution_m, seed), cloud, gap_diameter_m)
     frames = find_frames(cut, grid, seed)
     if len(frames) > most:
         drawn = np.sort(np.random.default_rng([seed, 0x6A9]).permutation(len(frames))[:most])
         frames = frames.select(drawn)
     return bin_shown(cut, frames, grid, detailed), bin_grids(cloud, frames, grid)
+
+
+def _cut(gaps: Gaps, cloud: Cloud, gap_diameter_m: tuple[float, float]) -> Cloud:
+    """What gaps of these sizes leave of the cloud; `NoRoom` where they take every return."""
+    cut = gaps.cut(cloud)
+    if not cut.occupied.any():
+        raise NoRoom(f"gaps of {gap_diameter_m} m: leave no occupied point of this site")
+    return cut

@@ -190,7 +190,7 @@ class CompletingMapper(Mapper):
 
         network = self.reconstructor if isinstance(self.reconstructor, Reconstructor) else self.reconstructor.found  # a loaded map's
         shown, target, cloud = [], [], self._as_sampled(cloud)
-        wanted = self.adapt_steps * batch_size(network)
+        wanted = self.adapt_steps * batch_size(self.grid_, network.dimension)
         for number in range(MOST_CLUSTERINGS):
             seed = int(self.seed) + 1000 * (number + 1)  # others than those of the map's own clusters
             try:
@@ -205,4 +205,5 @@ class CompletingMapper(Mapper):
         if not sum(map(len, shown)):
             warnings.warn("adapt_steps: the site is too small to cut gaps from, and its network stays as it is", stacklevel=4)
             return network
-        return adapted(network, np.concatenate(shown), np.concatenate(target), self.adapt_steps, self.seed, self.device)
+        pairs = np.concatenate(shown), np.concatenate(target)
+        return adapted(network, *pairs, self.grid_, self.adapt_steps, self.seed, self.device)

@@ -25,8 +25,6 @@ from hilbertvae.reconstruction.completion import Completion
 
 ON_VOXELS = FrameSettings(centre="seed", rotation="none", scale="fixed")
 """Frames whose boxes lie on the lattice."""
-FROM_SEEDS = (ON_VOXELS, FrameSettings(centre="seed", rotation="spread", scale="fixed"))
-"""Frames that no point of the cloud moves."""
 
 CompletedParts = Callable[[Callable[[Frames], Cloud], Frames], Iterator[tuple[slice, Completion]]]
 """(what gives the points around some frames, frames) -> (part of them, what a network makes of it), one part after the other."""
@@ -104,7 +102,7 @@ class GrowingClusters:
         if len(returns):
             self._draw_seeds(returns)
             self._promote(returns)
-        moved = touched[:0] if self.grid.frame in FROM_SEEDS else touched
+        moved = touched[:0] if self.grid.frame.from_seeds else touched
         self._find_frames(np.append(moved, np.arange(count, len(self.seeds))))
         self.is_whole = True
 
@@ -126,7 +124,7 @@ class GrowingClusters:
         if not len(chosen):
             return
         seeds, radius_m = self.seeds[chosen], self.grid.cluster_diameter_m / 2
-        around = seeds[:0] if self.grid.frame in FROM_SEEDS else seeds
+        around = seeds[:0] if self.grid.frame.from_seeds else seeds
         cloud = self.evidence.cloud(around - radius_m, around + radius_m)
         frames = frames_of(Clusters(seeds, search_tree(cloud.points[cloud.occupied]), radius_m), cloud, self.grid)
         self._centre.rows[chosen], self._rotation.rows[chosen], self._scale.rows[chosen] = frames.centre, frames.rotation, frames.scale
@@ -155,7 +153,7 @@ class GrowingClusters:
         slack = 0.25 * resolution_m if self._cell_is_voxel() else -resolution_m
         lowest, highest = lowest * resolution_m + slack, (highest + 1) * resolution_m - slack
         low, high = self.frames.boxes()
-        if self.grid.frame not in FROM_SEEDS:
+        if not self.grid.frame.from_seeds:
             radius_m = self.grid.cluster_diameter_m / 2
             low, high = np.minimum(low, self.seeds - radius_m), np.maximum(high, self.seeds + radius_m)
         side_m = bricks.side * resolution_m

@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from hilbertvae.checks import InputError
-from hilbertvae.grids.cluster_grids import labels_of
+from hilbertvae.grids.cluster_grids import GridSettings, labels_of
 from hilbertvae.progress import track
 from hilbertvae.reconstruction.augmentation import augment
 from hilbertvae.reconstruction.blocks import Reconstruction, convolutions
@@ -37,9 +37,9 @@ WARMUP_STEPS = 10
 MOST_GRADIENT = 1000.0
 
 
-def batch_size(reconstructor: Reconstructor) -> int:
+def batch_size(grid: GridSettings, dimension: int) -> int:
     """Grids that a step sees: 16 of 64 x 64 cells, 4 of 128 x 128, 2 of 192 x 192 or 32 x 32 x 32."""
-    return max(1, round(BATCH_CELLS / reconstructor.grid.cells**reconstructor.dimension))
+    return max(1, round(BATCH_CELLS / grid.cells**dimension))
 
 
 def check_adaptable(likelihood: LikelihoodSettings, network: object) -> None:
@@ -54,17 +54,24 @@ _ONE_AT_A_TIME = Lock()
 @torch.inference_mode(False)  # whoever maps may have said that nothing is to be learned
 @torch.enable_grad()
 def adapted(
-    reconstructor: Reconstructor, shown: np.ndarray, target: np.ndarray, steps: int, seed: int, device: str = "cpu"
+    reconstructor: Reconstructor,
+    shown: np.ndarray,
+    target: np.ndarray,
+    grid: GridSettings,
+    steps: int,
+    seed: int,
+    device: str = "cpu",
 ) -> Reconstructor:
-    """`reconstructor`, trained for `steps` more on pairs of grids of one site (`gapped_grids`); the one given is left as it is. Raises as
-    `check_adaptable`."""
+    """`reconstructor`, trained for `steps` more on pairs of grids of one site (`gapped_grids`); the one given is left as it is. `grid`:
+    what those pairs are of, which a map may have otherwise than its network. Raises as `check_adaptable`."""
     check_adaptable(reconstructor.likelihood, reconstructor.network_settings)
     before, network = reconstructor.network.eval().to(device), copy.deepcopy(reconstructor.network).to(device)
     likelihood = LIKELIHOODS["bernoulli"](reconstructor.likelihood)
     optimizer = torch.optim.AdamW(network.parameters(), lr=LEARNING_RATE, betas=(0.9, 0.95), weight_decay=0.0)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda step: _rate(step, steps))
-    augmentation, dimension = _augmentation(reconstructor), reconstructor.dimension
-    numbers = training_type(device, dimension, convolutions(reconstructor.network_settings, reconstructor.grid.cells))
+    augmentation, dimension = _augmentation(grid), reconstructor.dimension
+    numbers = training_type(device, dimension, convolutions(reconstructor.network_settings, grid.cells))
+    at_once = min(batch_size(grid, dimension), len(shown))
     rng, grids = np.random.default_rng(seed), [torch.from_numpy(part) for part in (shown, target)]
     used = [torch.device(device)] if torch.device(device).type == "cuda" else []
     # One at a time: what is drawn comes from the generator of the whole process, which is as it was afterwards.
@@ -72,7 +79,7 @@ def adapted(
         torch.manual_seed(seed % (2**63 - 1))
         network.train()
         for _ in track(range(steps), "Learning from the site", transient=True):
-            drawn = np.sort(rng.choice(len(shown), min(batch_size(reconstructor), len(shown)), replace=False))
+            drawn = np.sort(rng.choice(len(shown), at_once, replace=False))
             batch = augment(*(part[drawn].to(device) for part in grids), augmentation, dimension)
             with fast_autocast(device, numbers):
                 with torch.no_grad():
@@ -104,10 +111,9 @@ def _divergence(logit: Tensor, before: Tensor) -> Tensor:
     return F.binary_cross_entropy_with_logits(logit.float(), share, reduction="none") - entropy
 
 
-def _augmentation(reconstructor: Reconstructor) -> AugmentationSettings:
-    side_m, cell_m = reconstructor.grid.cluster_diameter_m, reconstructor.grid.cell_m
-    balls = max(1, round(side_m**2 / BALLS_AREA_M2))
-    return AugmentationSettings(balls=balls, ball_diameter_cells=[length / cell_m for length in GAP_DIAMETER_M])
+def _augmentation(grid: GridSettings) -> AugmentationSettings:
+    balls = max(1, round(grid.cluster_diameter_m**2 / BALLS_AREA_M2))
+    return AugmentationSettings(balls=balls, ball_diameter_cells=[length / grid.cell_m for length in GAP_DIAMETER_M])
 
 
 def _rate(step: int, steps: int) -> float:

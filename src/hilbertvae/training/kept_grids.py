@@ -21,6 +21,7 @@ from hilbertvae.training.settings import Settings
 VALIDATION_SEEDS = (1_000_001, 1_000_002)
 GRID_SOURCES = (
     "sums.py",
+    "portions.py",
     "voxel_votes.py",
     "cloud.py",
     "gaps.py",
