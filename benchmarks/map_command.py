@@ -3,7 +3,8 @@
     python benchmarks/map_command.py [--scans simulated] [--quick]
 
 `--scans` is a path, or the name of a real site of the catalogue, whose file is taken. Every file that was written is read back by a reader
-that is not ours: the octree by OctoMap, the ROS map by Pillow, the points by trimesh.
+that is not ours: the octree by OctoMap, the ROS map by Pillow, the points by trimesh. OctoMap inserts on one core, since its binding is
+built without OpenMP; `hilbertvae-map` has all. The peak of memory is that of this process until the map is written.
 """
 
 from __future__ import annotations
@@ -17,12 +18,13 @@ from pathlib import Path
 import numpy as np
 import octomap
 import trimesh
-from measuring import arguments, report, target
+from measuring import OCTOMAP_CORES, arguments, report, target
 from PIL import Image
 
 from hilbertvae.exports.grid_npz import read_grid
 from hilbertvae.exports.map_folder import SUMMARY
 from hilbertvae.mapping import MapSettings, make_map
+from hilbertvae.reports.provenance import peak_memory_mb
 from hilbertvae.scans.formats import read_scans_path
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.sites import CATALOGUE, site_path
@@ -81,6 +83,7 @@ def main(words: list[str] | None = None) -> None:
         settings = settings_of(given.scans, given.quick, Path(place))
         settings.output = str(given.kept or Path(place) / "out")
         folder = make_map(settings)
+        peak_mb = peak_memory_mb()
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
         rows = [{"what": f"hilbertvae-map: {stage}", "seconds": seconds} for stage, seconds in summary["seconds"].items()]
         peer = octomap_seconds(read_scans_path(settings.scans, settings.reading()), summary["resolution_m"], Path(place))
@@ -90,7 +93,7 @@ def main(words: list[str] | None = None) -> None:
     differ = max(counted.values()) - min(counted.values())
     targets = [target("occupied cells that independent readers count differently", "0", differ, not differ)]
     about = {key: summary[key] for key in ("name", "dimension", "resolution_m", "extent_m", "points", "cells", "weights")}
-    about |= {"occupied": counted, "bytes": sizes}
+    about |= {"occupied": counted, "bytes": sizes, "peak_memory_mb": peak_mb, "OctoMap's cores": OCTOMAP_CORES}
     report(f"map_command_{Path(given.scans).name}", given, rows, targets, about, script="map_command")
 
 

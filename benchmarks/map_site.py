@@ -4,7 +4,7 @@
 
 Seconds by stage, of what `load_mapper(WEIGHTS).fit(...).predict_proba(...)` runs, with weights that came with the network (`rank`) and
 with weights refitted on the site (`cluster`), where "fit weights" has a second reconstruction in it. GPOM is left out in 3D,
-where the paper has none either.
+where the paper has none either. OctoMap is our mapper over its binding, and runs on one core.
 """
 
 from __future__ import annotations

@@ -17,7 +17,11 @@ from hilbertvae.files import write_json
 from hilbertvae.reports.provenance import cpu_name, git_state, package_versions, without_folders
 from hilbertvae.simulate.building import BuildingSettings
 
-RESULTS = Path(__file__).parent.parent / "docs" / "results" / "benchmarks"
+ROOT = Path(__file__).parent.parent
+RESULTS = ROOT / "docs" / "results" / "benchmarks"
+QUICK_RESULTS = ROOT / "outputs" / "benchmarks"
+"""Of `--quick`, whose numbers mean nothing: beside those that are committed they would replace them."""
+OCTOMAP_CORES = "one: its binding is built without OpenMP"
 SMALL_BUILDING = BuildingSettings(shortest_extent_m=12.0, longest_extent_m=15.0, scans=50)
 """For tests."""
 RIVALS = ("faiss-cpu", "octomap-python", "hydra-joblib-launcher", "submitit", "ray")
@@ -27,7 +31,7 @@ def arguments(description: str) -> argparse.ArgumentParser:
     """A parser with what all benchmarks take."""
     parser = argparse.ArgumentParser(description=description.strip().splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="tiny sizes, for tests: the numbers mean nothing")
-    parser.add_argument("--output", type=Path, default=RESULTS, help="folder of the JSON file (default: docs/results/benchmarks)")
+    parser.add_argument("--output", type=Path, help="folder of the JSON file (default: docs/results/benchmarks; quick: outputs/benchmarks)")
     return parser
 
 
@@ -82,7 +86,7 @@ def report(name: str, given: argparse.Namespace, rows: list[dict], targets: list
         print("  ".join([first.ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))]))
     for row in targets:
         print(f"{'met   ' if row['met'] else 'MISSED'} {row['what']}: {row['found']:.4g} (wanted {row['wanted']})")
-    path = Path(given.output) / f"{name}.json"
+    path = (given.output or (QUICK_RESULTS if given.quick else RESULTS)) / f"{name}.json"
     content = {
         "benchmark": name,
         "quick": given.quick,

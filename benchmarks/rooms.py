@@ -30,7 +30,7 @@ SCORES = ("auc", "best_f1", "nll", "ece")
 def scored(site: Site, networks: Sequence[str], seeds: list[int]) -> list[dict]:
     """A row per method: its scores in gaps, voxels and points, means over gap seeds."""
     ours = {(name, reading): load_mapper(name).set_params(calibration=reading) for name in networks for reading in ("voxels", "points")}
-    others = {"15 nearest neighbours": NearestMapper(15), "Hilbert Map (fixed grid)": FixedGridMapper(epochs=3)}
+    others = {"15 nearest neighbours": NearestMapper(15), "Hilbert Map (fixed grid)": FixedGridMapper()}
     mappers = {f"{name}, {reading}": mapper for (name, reading), mapper in ours.items()} | others
     found = evaluate_all(mappers, site, Protocol(gap_seeds=seeds, occlusion=False)).scores
     rows = []

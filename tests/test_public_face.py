@@ -68,6 +68,20 @@ print([name for name in ("torch", "sklearn", "matplotlib") if name in sys.module
     assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.endswith("\n[]\n")
 
 
+@pytest.mark.parametrize(("words", "code"), [(["--help"], 0), (["sweep", "--sweep=colour"], 2)])
+def test_help_and_typing_errors_of_tables_wait_for_nothing_that_makes_them(words, code):
+    program = f"""
+import sys
+from hilbertvae.commands.table import main
+try:
+    main({words})
+except SystemExit as ended:
+    assert ended.code == {code}
+print([name for name in ("torch", "sklearn", "scipy", "matplotlib") if name in sys.modules])
+"""
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.endswith("[]\n")
+
+
 @pytest.mark.parametrize("words", [["--help"], ["--cfg", "job"], ["seed=-1"], ["colour=red"]], ids=" ".join)
 def test_a_training_that_is_not_begun_waits_for_neither_torch_nor_scikit_learn(words, tmp_path):
     """Also each time that a shell completes a word of it."""

@@ -57,7 +57,9 @@ def test_a_large_cloud_of_three_dimensions(tmp_path):
     import_module("large_cloud").main(["--quick", "--dimension=3", f"--output={tmp_path}"])
     written = json.loads((tmp_path / "large_cloud_3d.json").read_text())
     assert [row["points"] >= count for row, count in zip(written["rows"], (5_000, 10_000), strict=True)] == [True, True]
-    assert written["facts"]["dimension"] == 3 and len(written["targets"]) == 2
+    assert written["facts"]["dimension"] == 3 and written["facts"]["checkpoint"] == "3d" and len(written["targets"]) == 2
+    for row in written["rows"]:  # as many queries are asked of each cloud, which must not count as time of its points
+        assert row["us per point"] == pytest.approx(row["fit"] / row["points"] * 1e6) and row["seconds"] == row["fit"] + row["query"]
 
 
 def test_queries_are_equal_to_their_twins(tmp_path):
@@ -66,6 +68,22 @@ def test_queries_are_equal_to_their_twins(tmp_path):
     import_module("queries").main(["--quick", f"--output={tmp_path}"])
     targets = json.loads((tmp_path / "queries.json").read_text())["targets"]
     assert [row["met"] for row in targets if row["wanted"] == "0"] == [True, True]
+
+
+def test_quick_numbers_replace_no_committed_ones(tmp_path, monkeypatch):
+    measuring = import_module("measuring")
+    monkeypatch.setattr(measuring, "RESULTS", tmp_path / "committed")
+    monkeypatch.setattr(measuring, "QUICK_RESULTS", tmp_path / "quick")
+    for words, where in ((["--quick"], "quick"), ([], "committed"), (["--quick", f"--output={tmp_path / 'own'}"], "own")):
+        given = measuring.arguments("About.").parse_args(words)
+        assert measuring.report("anything", given, [{"what": "a", "seconds": 1.0}], [], {}) == tmp_path / where / "anything.json"
+
+
+def test_queries_of_another_site_have_a_file_of_their_own(tmp_path):
+    for package in NEEDED["queries"]:
+        pytest.importorskip(package)
+    import_module("queries").main(["--quick", "--site=intel", f"--output={tmp_path}"])
+    assert [path.name for path in tmp_path.iterdir()] == ["queries_intel.json"]
 
 
 def test_stages_are_timed_and_put_back():

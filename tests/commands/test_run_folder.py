@@ -1,12 +1,18 @@
 """A folder that a run can't write to: another run's, or one without room."""
 
 import os
+import re
+import shutil
 import subprocess
 import sys
 
 import pytest
 
 from hilbertvae.reports.run_lock import alone_in
+
+IS_ROOT = os.name == "posix" and os.geteuid() == 0
+WITHOUT_RIGHTS = ["setpriv", "--bounding-set=-dac_override,-dac_read_search", "--inh-caps=-all"] if IS_ROOT else []
+"""What a command begins with, so that root can't write where nobody may."""
 
 
 def test_a_folder_in_which_another_run_is_at_work_is_refused_and_left_alone(tmp_path):
@@ -17,6 +23,30 @@ def test_a_folder_in_which_another_run_is_at_work_is_refused_and_left_alone(tmp_
     assert done.returncode == 2 and "Traceback" not in done.stderr
     assert done.stderr.strip().startswith("hilbertvae-train: output: another run is at work in ")
     assert not (tmp_path / "run/result.json").exists()
+
+
+@pytest.mark.skipif(os.name != "posix" or IS_ROOT and not shutil.which("setpriv"), reason="no folder is closed to whoever runs this")
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("seed=0", "outputs/debug/run"),
+        ("-m seed=0,1", "outputs/debug/run"),
+        ("-m +sweep=ablation", "outputs/debug/ablation-quick"),
+        ("output=file/run", "file/run"),
+        ("output=made", "made"),
+        ("-m hydra.sweep.dir=file seed=0,1", "file"),
+    ],
+)
+def test_a_folder_that_can_t_be_written_is_told_in_one_line(tmp_path, words, named):
+    """Hydra makes it before the run has begun."""
+    (tmp_path / "file").write_text("")
+    (tmp_path / "made").mkdir(mode=0o555)
+    tmp_path.chmod(0o555)
+    command = [*WITHOUT_RIGHTS, sys.executable, "-m", "hilbertvae.train", *words.split(), "debug=fast"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    tmp_path.chmod(0o755)
+    assert done.returncode == 2 and re.fullmatch(rf"hilbertvae-train: {named}: [^\n]+\n", done.stderr), done.stderr
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["file", "made"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits of a process")

@@ -9,7 +9,8 @@ import pytest
 
 from hilbertvae.commands.configuration import SWEEPS
 from hilbertvae.commands.table import main
-from hilbertvae.tables.layouts import read_page
+from hilbertvae.tables.kinds import KINDS
+from hilbertvae.tables.layouts import LAYOUTS, read_page
 from toy_sweeps import declare, put
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
@@ -52,6 +53,10 @@ def test_a_folder_that_can_t_be_written(tmp_path, capsys):
     (tmp_path / "file").write_text("")
     assert main([str(tmp_path), "--sweep", "table1", "--output", str(tmp_path / "file" / "out")]) == 2
     assert capsys.readouterr().err.startswith("hilbertvae-table: ")
+
+
+def test_every_layout_can_be_asked_for():
+    assert tuple(LAYOUTS) == KINDS
 
 
 def test_every_sweep_is_committed():

@@ -26,7 +26,8 @@ def write_pcd(path, points=POINTS, encoding="binary", viewpoint=None, width=None
     cloud = PointCloud.from_xyz_points(points.astype(np.float32))
     changed = {} if viewpoint is None else {"viewpoint": viewpoint}
     changed |= {} if width is None else {"width": width, "height": len(points) // width}
-    cloud.metadata = cloud.metadata.derive(**changed)
+    for name, value in changed.items():
+        setattr(cloud.metadata, name, value)
     cloud.save(path, Encoding(encoding))
     return path
 

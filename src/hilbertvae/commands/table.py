@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 
 from hilbertvae.checks import InputError
-from hilbertvae.tables.layouts import LAYOUTS
-from hilbertvae.tables.write import write_tables
+from hilbertvae.tables.kinds import KINDS
 from hilbertvae.terminal import show_any_text
 
 
@@ -17,9 +16,11 @@ def main(words: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="hilbertvae-table", description="Write table.md, table.csv and figure.png of a sweep's results.")
     parser.add_argument("folder", type=Path, help="folder of a sweep, with a folder per job and result.json in each")
     parser.add_argument("--output", type=Path, help="where to write; by default the folder itself")
-    parser.add_argument("--sweep", choices=LAYOUTS, help="whose table it is to have: without sweep.json, or of a sweep of your own")
+    parser.add_argument("--sweep", choices=KINDS, help="whose table it is to have: without sweep.json, or of a sweep of your own")
     given = parser.parse_args(words)
     show_any_text()
+    from hilbertvae.tables.write import write_tables  # here: --help and typing errors wait for neither scikit-learn nor matplotlib
+
     try:
         print(write_tables(given.folder, given.output, given.sweep), end="")
     except (InputError, OSError) as error:

@@ -38,7 +38,8 @@ class ReadingSettings:
     """Of a CARMEN log: degrees between beams, the middle one straight ahead. Known for 180, 181, 360, 361, 541, 721 and 1081 beams;
     `ROBOTLASER1` messages say it."""
     poses: str | None = None
-    """`kiss_icp` finds the poses of 3D scans in the order of travel, in a folder or a bag, from the scans alone (extra `poses`)."""
+    """`kiss_icp` finds the poses of 3D scans in the order of travel, in a folder or a bag, from the scans alone (extra `poses`,
+    Python below 3.14)."""
     topic: str | None = None
     """Of a bag: the topic of its scans. By default the one with most messages."""
     fixed_frame: str | None = None

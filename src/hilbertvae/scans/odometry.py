@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from types import ModuleType
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -96,15 +97,15 @@ class KissOdometry:
             )
 
     def _start(self, points: np.ndarray) -> None:
-        config = extra_module("poses", "kiss_icp.config").KISSConfig()
+        config = _kiss_icp("config").KISSConfig()
         lengths = np.sqrt(np.square(points).sum(axis=1))
         self._range_m = max(float(np.quantile(lengths, RANGE_QUANTILE)), SMALLEST_RANGE_M)
         self._voxel_m = self._range_m / 100
         config.data.max_range, config.data.min_range, config.data.deskew = self._range_m, 0.0, False
         config.mapping.voxel_size = self._voxel_m
         config.registration.max_num_threads = 1  # the same bits on every machine
-        self._kiss = extra_module("poses", "kiss_icp.kiss_icp").KissICP(config)
-        self._standing = extra_module("poses", "kiss_icp.mapping").get_voxel_hash_map(config)
+        self._kiss = _kiss_icp("kiss_icp").KissICP(config)
+        self._standing = _kiss_icp("mapping").get_voxel_hash_map(config)
 
     def _move(self, source: np.ndarray, upright: np.ndarray) -> None:
         """A step of `KissICP.register_frame`, by what stands `upright` in `source`, and with more than one start where the fit is bad."""
@@ -138,6 +139,10 @@ class KissOdometry:
         """The mean distance from a scan's points, moved, to the nearest of the scan before; in voxels, and none counts more than one."""
         distance, _ = self._before.query(source @ motion[:3, :3].T + motion[:3, 3], distance_upper_bound=self._voxel_m)
         return float(np.minimum(distance, self._voxel_m).mean() / self._voxel_m)
+
+
+def _kiss_icp(module: str) -> ModuleType:
+    return extra_module("poses", f"kiss_icp.{module}", "poses=kiss_icp needs Python below 3.14 and")  # the extra is empty on newer ones
 
 
 def stands(points: np.ndarray) -> np.ndarray:
