@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import os
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -123,3 +125,14 @@ def extra_module(extra: str, module: str, needs: str = "this needs") -> ModuleTy
     except ImportError as error:
         missing = f"{error.name or module} is not installed: {how_to_install(extra)}"
         raise InputError(f"{needs} the extra '{extra}', and {missing}") from error
+
+
+def check_writable(output: Path) -> None:
+    """An `InputError` where no folder can be made or written, before any work is done for it."""
+    if output.is_symlink() and not output.exists():
+        raise InputError(f"output: expected a folder, {output} is a link to nothing")
+    there = next(folder for folder in (output, *output.resolve().parents) if folder.exists())
+    if not there.is_dir():
+        raise InputError(f"output: expected a folder, {there} is a file")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise InputError(f"output: {there} can't be written")

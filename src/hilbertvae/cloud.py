@@ -180,25 +180,33 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
     units = UnitCheck(longest_m=LONGEST_PLANAR_M if points.shape[1] == 2 else LONGEST_MEDIAN_M)
     units.see(lengths)
     warn_of_long_beams(lengths, "points")
-    limit_m = np.inf if max_range_m is None else check_positive(max_range_m, "max_range_m")
-    clipped = ClippedCheck(limit_m, of_points=True)
-    for portion in np.split(lengths, np.flatnonzero(np.diff(scan)) + 1):
-        clipped.see(portion[portion > SHORTEST_M])
-    clipped.warn("points", "max_range_m")
-    kept = within_range(lengths, SHORTEST_M, limit_m)
-    if max_range_m is not None and not kept.any():
-        found = f"none of {len(lengths)}" + (f", the shortest with {lengths.min():.4g} m" if len(lengths) else "")
-        raise InputError(f"max_range_m: expected beams shorter than {max_range_m} m, got {found}{units.hint(max_range_m)}")
-    if len(lengths) and not kept.any():
-        raise InputError(
-            f"points: expected returns, got {len(lengths)} points where the sensor stood; are they in its frame, not the map's?"
-        )
+    kept = _returned(lengths, scan, units, max_range_m)
     points, origins, scan, lengths = points[kept], origins[kept], scan[kept], lengths[kept]
     places = float(lengths.sum()) / resolution_m
     if places > MOST_DOUBTFUL and (doubt := units.doubt()):  # a room in millimetres would take hours, and all memory
         raise InputError(f"points: {doubt}. Free space along them would be {places:.1g} places; max_range_m drops long beams")
     units.warn("points")
     return fit_cloud(Scans(points, origins, scan, np.arange(len(points), dtype=np.int32)), resolution_m)
+
+
+def _returned(lengths: np.ndarray, scan: np.ndarray, units: UnitCheck, max_range_m: float | None) -> np.ndarray:
+    """(N,) bool: which beams, of `lengths (N,)` in the scans `scan (N,)`, have a return within `max_range_m`; an `InputError` for none of
+    some, and a `UserWarning` where many are of one length."""
+    limit_m = np.inf if max_range_m is None else check_positive(max_range_m, "max_range_m")
+    clipped = ClippedCheck(limit_m, of_points=True)
+    for portion in np.split(lengths, np.flatnonzero(np.diff(scan)) + 1):
+        clipped.see(portion[portion > SHORTEST_M])
+    clipped.warn("points", "max_range_m")
+    kept = within_range(lengths, SHORTEST_M, limit_m)
+    if kept.any():
+        return kept
+    if max_range_m is not None:
+        found = f"none of {len(lengths)}" + (f", the shortest with {lengths.min():.4g} m" if len(lengths) else "")
+        raise InputError(f"max_range_m: expected beams shorter than {max_range_m} m, got {found}{units.hint(max_range_m)}")
+    if len(lengths):
+        where = f"{len(lengths)} points where the sensor stood"
+        raise InputError(f"points: expected returns, got {where}; are they in its frame, not the map's?")
+    return kept
 
 
 def _shape(values) -> tuple[int, ...]:

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
 
-from hilbertvae.checks import InputError, check_cell_m, check_whole
+from hilbertvae.checks import InputError, check_cell_m, check_whole, check_writable
 from hilbertvae.cloud import Cloud, fit_cloud
 from hilbertvae.exports.formats import check_names, suiting_exports, write_exports
-from hilbertvae.exports.map_cells import REACH_M, MapCells
+from hilbertvae.exports.map_cells import MapCells, reach_of
 from hilbertvae.exports.map_folder import (
     PAGE,
     PICTURE,
     SUMMARY,
     check_output,
-    check_writable,
     replace_map,
     scans_hash,
     writing_beside,
@@ -42,7 +40,6 @@ from hilbertvae.scans.formats import EXTENSIONS, ReadingSettings, read_scans_pat
 from hilbertvae.scans.kitti import VELODYNE
 from hilbertvae.scans.planar import as_plan
 from hilbertvae.scans.scan import Scans
-from hilbertvae.voxel_blocks import longest_reach_m
 
 Say = Callable[[str], None]
 
@@ -77,14 +74,13 @@ def make_map(settings: MapSettings, say: Say = lambda stage: None) -> Path:
     with writing_beside(output) as folder:
         clock.start("label points")
         cloud = _labelled(settings.scans, source, fine_m)
-        points, dimension = point_counts(cloud, source if isinstance(source, Scans) else None), source.dimension
+        points = point_counts(cloud, source if isinstance(source, Scans) else None)
         del source  # a long drive's returns take much of the memory
         clock.start("complete grids" if settings.fill else "gather evidence")
-        mapper.progress = clock.share
+        mapper.progress, mapper.source = clock.share, settings.scans
         mapper.fit(cloud.points, cloud.occupied, cloud.weight)
         clock.start("ask each cell")
-        # Without grids a map says nothing beside what was seen, and asking there would take most of the time.
-        reach_m = _reach_m(settings.scans, fine_m, dimension) if settings.fill else None
+        reach_m = reach_of(mapper, fine_m, cloud.points.shape[1])
         cells = MapCells.sample(mapper, cloud.points, fine_m, reach_m, clock.share).coarser(resolution_m)
         del cloud
         if not len(cells):
@@ -149,15 +145,6 @@ def _labelled(scans: str, source: Scans | GivenMap, cell_m: float) -> Cloud:
         found = "occupied" if cloud.occupied.any() else "free"
         raise InputError(f"{scans}: expected free and occupied space, found {found} space alone")
     return cloud
-
-
-def _reach_m(scans: str, cell_m: float, dimension: int) -> float:
-    """How far from what was seen the map is asked, with a `UserWarning` where that is less than usual."""
-    reach_m = min(REACH_M, longest_reach_m(cell_m, dimension))
-    if reach_m < REACH_M:
-        wide = f"what is wider than {2 * reach_m:.3g} m stays open in its middle"
-        warnings.warn(f"{scans}: with cells of {cell_m:g} m gaps are filled up to {reach_m:.3g} m from what was seen; {wide}", stacklevel=3)
-    return reach_m
 
 
 def _write(settings: MapSettings, exports: list[str], cells: MapCells, points: dict, about: dict, folder: Path, clock: Clock) -> list[str]:

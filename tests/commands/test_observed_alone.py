@@ -52,6 +52,6 @@ def test_asking_farther_changes_no_file(place, tmp_path, monkeypatch):
 
 def test_too_few_returns_for_a_network_are_told(tmp_path):
     np.savez(tmp_path / "few.npz", points=np.column_stack([np.full(5, 3.0), np.arange(5) * 0.3]), origins=np.zeros(2))
-    with pytest.warns(UserWarning, match="points: found at most 10 voxels with returns within 9.6 m, too few"):
+    with pytest.warns(UserWarning, match="few.npz: found at most 10 voxels with returns within 9.6 m, too few"):
         output = make_map(MapSettings(scans=str(tmp_path / "few.npz"), output=str(tmp_path / "out")))
     assert read_grid(output / "map.npz").observed.all()

@@ -1,7 +1,6 @@
 """A folder that a run can't write to: another run's, or one without room."""
 
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -29,12 +28,12 @@ def test_a_folder_in_which_another_run_is_at_work_is_refused_and_left_alone(tmp_
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("seed=0", "outputs/debug/run"),
-        ("-m seed=0,1", "outputs/debug/run"),
-        ("-m +sweep=ablation", "outputs/debug/ablation-quick"),
-        ("output=file/run", "file/run"),
-        ("output=made", "made"),
-        ("-m hydra.sweep.dir=file seed=0,1", "file"),
+        ("seed=0", "{} can't be written"),
+        ("-m seed=0,1", "{} can't be written"),
+        ("-m +sweep=ablation", "{} can't be written"),
+        ("output=file/run", "expected a folder, {}/file is a file"),
+        ("output=made", "made can't be written"),
+        ("-m hydra.sweep.dir=file seed=0,1", "expected a folder, {}/file is a file"),
     ],
 )
 def test_a_folder_that_can_t_be_written_is_told_in_one_line(tmp_path, words, named):
@@ -45,7 +44,7 @@ def test_a_folder_that_can_t_be_written_is_told_in_one_line(tmp_path, words, nam
     command = [*WITHOUT_RIGHTS, sys.executable, "-m", "hilbertvae.train", *words.split(), "debug=fast"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     tmp_path.chmod(0o755)
-    assert done.returncode == 2 and re.fullmatch(rf"hilbertvae-train: {named}: [^\n]+\n", done.stderr), done.stderr
+    assert done.returncode == 2 and done.stderr == f"hilbertvae-train: output: {named.format(tmp_path)}\n"
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["file", "made"]
 
 

@@ -1,5 +1,5 @@
 """A Hydra callback that says how a multirun goes: which jobs there are, a line for each as it ends, and at the end those that failed
-or were not done. Of single runs, too, it tells of a folder that can't be written, before Hydra makes it."""
+or were not done."""
 
 from __future__ import annotations
 
@@ -7,11 +7,8 @@ import atexit
 import os
 import re
 import sys
-import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,9 +19,9 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.utils import JobReturn, JobStatus
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from hilbertvae.checks import InputError
+from hilbertvae.commands.writable_folder import refuse_unwritable
 from hilbertvae.files import json_object, write_json
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.reports.run_lock import alone_in
@@ -65,11 +62,6 @@ class SweepProgress(Callback):
     def __init__(self):
         self.since = time.perf_counter()
 
-    def on_run_start(self, config: DictConfig, **_: Any) -> None:
-        with suppress(OmegaConfBaseException):  # of a folder that has no name, or not yet, Hydra tells
-            folder, inner = Path(config.hydra.run.dir), config.hydra.output_subdir
-            refuse_unwritable([folder, folder / inner] if inner else [folder])
-
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
         # Hydra goes on after any other exception of a callback than an exit.
         if any(word.partition("=")[0] == "output" for word in config.hydra.overrides.task):
@@ -81,8 +73,7 @@ class SweepProgress(Callback):
             several = f"expected a folder for each job, got several in {', '.join(path.name for path in shared)}"
             print(f"hydra.sweep.subdir: {several}; add {telling_subdir(config)}", file=sys.stderr)
             sys.exit(2)
-        refuse_unwritable(dict.fromkeys(job.sweep for job in jobs))
-        refuse_unwritable(job.folder for job in jobs if job.folder.exists())
+        refuse_unwritable(dict.fromkeys(job.folder for job in jobs))
         sweep = OmegaConf.select(config, "hydra.runtime.choices.sweep")
         if sweep:  # any other multirun may be of anything; hilbertvae-table is told what with --sweep
             for folder, size in dict.fromkeys((job.sweep, job.size) for job in jobs):
@@ -101,18 +92,6 @@ class SweepProgress(Callback):
         if completed and (found := evidence(folder, scored=False)):
             os.utime(found)  # also one that was finished before is a result of this launch, as its settings are
         print(f"\n{'finished' if completed else 'FAILED'} {folder.name} in {time.perf_counter() - self.since:.0f} s", flush=True)
-
-
-def refuse_unwritable(folders: Iterable[Path]) -> None:
-    """Make folders; where one can't be made, or nothing can be written there, this is the end: one line, exit code 2."""
-    for folder in folders:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                pass
-        except OSError as error:
-            print(f"hilbertvae-train: {folder}: {error.strerror or error}", file=sys.stderr)
-            sys.exit(2)
 
 
 def list_jobs(folder: Path, sweep: str, size: str, names: list[str]) -> None:

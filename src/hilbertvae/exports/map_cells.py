@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -10,8 +11,9 @@ import numpy as np
 
 from hilbertvae.checks import InputError, check_points, check_positive
 from hilbertvae.drawing.field import REACH_M
+from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import FREE_BELOW, OCCUPIED_ABOVE, Mapper
-from hilbertvae.voxel_blocks import NearVoxels, lattice_index
+from hilbertvae.voxel_blocks import NearVoxels, lattice_index, longest_reach_m
 
 UNKNOWN_WITHIN = 0.02
 """A cell that was not observed is kept if p is farther than this from 0.5: nearer, it says nothing that a planner would act on, and
@@ -179,3 +181,16 @@ def _joined(parts: list[tuple[np.ndarray, ...]]) -> list[np.ndarray]:
 def _at(block: np.ndarray | None, local: np.ndarray) -> np.ndarray:
     """(n,) bool: a block's values at `local (n, D)`, False everywhere in a block that there is not."""
     return np.zeros(len(local), bool) if block is None else block[tuple(local.T)]
+
+
+def reach_of(mapper: HilbertMap, cell_m: float, dimension: int) -> float | None:
+    """How far from what was seen a map is asked in such cells, with a `UserWarning` where that is less than usual. None without grids:
+    beside what was seen it says nothing, and asking there would take most of the time."""
+    if not mapper.cluster_count():
+        return None
+    reach_m = min(REACH_M, longest_reach_m(cell_m, dimension))
+    if reach_m < REACH_M:
+        filled = f"with cells of {cell_m:g} m gaps are filled up to {reach_m:.3g} m from what was seen"
+        wide = f"what is wider than {2 * reach_m:.3g} m stays open in its middle"
+        warnings.warn(f"{mapper.source}: {filled}; {wide}", stacklevel=3)
+    return reach_m

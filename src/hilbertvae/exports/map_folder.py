@@ -42,17 +42,6 @@ def is_of_a_map(path: Path) -> bool:
     return path.name in (OURS if (path.parent / MAP).exists() else listed_files(path.parent))
 
 
-def check_writable(output: Path) -> None:
-    """An `InputError` where no folder can be made or written, before anything is read."""
-    if output.is_symlink() and not output.exists():
-        raise InputError(f"output: expected a folder, {output} is a link to nothing")
-    there = next(folder for folder in (output, *output.resolve().parents) if folder.exists())
-    if not there.is_dir():
-        raise InputError(f"output: expected a folder, {there} is a file")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError(f"output: {there} can't be written")
-
-
 def check_output(output: Path, scans: Path, exports: list[str], by_name: bool, beside: Sequence[Path] = ()) -> None:
     """An `InputError` where writing would replace what is no earlier map of this command, or the very scans and what is read `beside` them;
     in a folder that was not chosen but named after the scans, `by_name`, also where the earlier map is of others."""

@@ -6,12 +6,11 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from hilbertvae.checks import InputError, check_cell_m
+from hilbertvae.checks import InputError, check_cell_m, check_writable
 from hilbertvae.exports.formats import check_names, suiting_exports, write_exports
-from hilbertvae.exports.map_cells import REACH_M, MapCells
-from hilbertvae.exports.map_folder import SUMMARY, check_writable, writing_beside
+from hilbertvae.exports.map_cells import MapCells, reach_of
+from hilbertvae.exports.map_folder import SUMMARY, writing_beside
 from hilbertvae.mappers.hilbert_map import HilbertMap
-from hilbertvae.voxel_blocks import longest_reach_m
 
 
 def write_map(
@@ -34,8 +33,7 @@ def write_map(
     check_writable(output)
     if (output / SUMMARY).exists():
         raise InputError(f"folder: {output} has a map of hilbertvae-map; choose another")
-    reach_m = min(REACH_M, longest_reach_m(fine_m, mapper.evidence_.dimension)) if mapper.cluster_count() else None
-    cells = MapCells.sample(mapper, mapper.evidence_.cloud().points, fine_m, reach_m)
+    cells = MapCells.sample(mapper, mapper.evidence_.cloud().points, fine_m, reach_of(mapper, fine_m, mapper.evidence_.dimension))
     if resolution_m is not None:
         cells = cells.coarser(resolution_m)
     with writing_beside(output) as beside:

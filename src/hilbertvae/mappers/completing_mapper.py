@@ -42,6 +42,8 @@ class CompletingMapper(Mapper):
     adapted_: Reconstructor | None = None
     progress: Callable[[int, int], None] | None = None
     """Called while grids are completed, with how many are done, and how many there are; no setting, since it changes nothing."""
+    source: str = "points"
+    """What warnings call that which a map is fitted to; no setting either."""
 
     def fits_like(self, other: Mapper) -> bool:
         """Whether the two differ in nothing but what their learned weights are calibrated for: their grids are the same."""
@@ -112,7 +114,7 @@ class CompletingMapper(Mapper):
     def _warn_without_grids(self) -> None:
         """Of a site that has no place with enough returns."""
         few = f"at most {self.grid_.minimum_points} voxels with returns within {self.grid_.cluster_diameter_m / 2:g} m"
-        warnings.warn(f"points: found {few}, too few for a network, so that nothing is filled in", stacklevel=4)
+        warnings.warn(f"{self.source}: found {few}, too few for a network, so that nothing is filled in", stacklevel=4)
 
     def _as_kept(self, cloud: Cloud) -> Cloud:
         """The cloud, or as the map keeps it, one point a voxel and label, where that is less: boxes that a later scan touches are made anew
