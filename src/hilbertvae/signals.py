@@ -46,6 +46,18 @@ def not_stopped() -> Iterator[None]:
             signal.raise_signal(number)
 
 
+def comes_of_a_stop(error: BaseException, handled: BaseException | None = None) -> bool:
+    """Whether `error` was raised while a `KeyboardInterrupt` was on its way, other than one that the caller had `handled` already.
+
+    One that ends the wait for a lock in a wrong moment leaves the lock to others, and Python says "release unlocked lock" instead.
+    """
+    while error is not None and error is not handled:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__context__
+    return False
+
+
 def _restore(before: dict) -> None:
     for number, handler in before.items():  # None: one that Python did not set, and can't set again
         signal.signal(number, signal.SIG_DFL if handler is None else handler)

@@ -53,7 +53,8 @@ def stop_while_training(folder: Path, *words: str) -> tuple[int, str]:
 
 def test_a_training_stops_and_says_how_it_goes_on(tmp_path):
     code, said = stop_while_training(tmp_path)
-    assert code == 130 and "the same command goes on from the last epoch in" in said
+    assert code == 130, said
+    assert "the same command goes on from the last epoch in" in said
 
 
 def test_a_reader_that_is_gone_fails_no_run(tmp_path):
@@ -72,7 +73,8 @@ def test_a_reader_that_is_gone_fails_no_run(tmp_path):
 
 def test_a_multirun_stops_and_says_what_was_not_done(tmp_path):
     code, said = stop_while_training(tmp_path, "-m", "+sweep=ablation", "cases/ablation=default,unmasked")
-    assert code == 130 and "the same command goes on from" in said and "Traceback" not in said and "FAILED" not in said
+    assert code == 130, said
+    assert "the same command goes on from" in said and "Traceback" not in said and "FAILED" not in said
     assert "0 of 2 jobs have results" in said and "not done default-seed0\n" in said and "not done unmasked-seed0\n" in said
 
 

@@ -62,6 +62,17 @@ def test_windows_are_in_outer_walls(monkeypatch):
 
 
 @pytest.mark.parametrize("style", LAYOUTS)
+def test_windows_near_inner_corners_open_no_other_wall(style):
+    """Else a floor would be joined to outdoors, where no robot goes."""
+    seeds = {"corridors": (0, 48), "hall": (6, 26), "enfilade": (21,)}  # of 70 each, which had the least free space in them
+    for seed in seeds[style]:
+        plan = draw_floor_plan(np.random.default_rng(seed), 25.0, style)
+        space = find_free_space(plan)
+        free_m2 = (space.clearance_m > 0).sum() * space.cell_m**2
+        assert len(plan.glass) and free_m2 > 0.45 * shapely.union_all([floor.polygon for floor in plan.floors]).area
+
+
+@pytest.mark.parametrize("style", LAYOUTS)
 def test_shut_doors_stay_within_their_wall(style, monkeypatch):
     really = openings._hang_door
     monkeypatch.setattr(openings, "_hang_door", lambda *given: really(*(False if isinstance(g, bool) else g for g in given)))

@@ -52,3 +52,14 @@ def test_drawn_vehicles_have_the_size_they_say(kind):
     assert high[0] - low[0] == pytest.approx(length, abs=0.05)
     assert width <= high[1] - low[1] < width + 0.4  # mirrors
     assert abs(low[2]) < 0.02
+
+
+@pytest.mark.parametrize("kind", CARS)
+@pytest.mark.parametrize("end", ["front", "rear"])
+def test_no_beam_enters_below_the_edge_of_the_roof(kind, end):
+    """A level one, in the car's middle, half a centimetre lower than where its roof begins."""
+    shape = CARS[kind]
+    share, along, ahead = (shape.roof_front, 0.0, 1.0) if end == "front" else (shape.roof_rear, 1.0, -1.0)
+    edge = shape.height_m - 0.05 * (2 * along - 0.7) ** 2
+    found = SurfaceCaster(car_soup(shape)).ranges(np.array([[20.0 * ahead, 0, edge - 0.005]]), np.array([[-ahead, 0, 0]]))
+    assert 20.0 - found[0] == pytest.approx(ahead * shape.length_m * (0.5 - share), abs=0.01)

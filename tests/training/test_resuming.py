@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import threading
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -51,6 +52,27 @@ def test_what_was_interrupted_is_said(finished, tmp_path, monkeypatch, scored, s
     monkeypatch.setattr("hilbertvae.training.hilbert_map_callback." + ("score" if scored else "learn_rank_weights"), stopped)
     with pytest.raises(KeyboardInterrupt, match=said):
         train(replace(finished[0], output=str(tmp_path / "interrupted")))
+
+
+@pytest.mark.parametrize("meant", [True, False])
+def test_a_wait_that_is_interrupted_in_a_wrong_moment_is_a_stop_too(finished, tmp_path, monkeypatch, meant):
+    """Of a thread's condition, which says that its lock is not held, as the one of TensorBoard's writer at an epoch's end. A lock that is not
+    held for another reason is an error, also in a training that begins where an earlier one was interrupted."""
+    waiting = threading.Condition()
+
+    def wait(*arguments, **named):
+        with waiting:
+            waiting.release()
+            if meant:
+                raise KeyboardInterrupt
+
+    monkeypatch.setattr("lightning.pytorch.loggers.TensorBoardLogger.save", wait)
+    settings = replace(finished[0], output=str(tmp_path / "interrupted"))
+    try:
+        raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        with pytest.raises(KeyboardInterrupt if meant else RuntimeError, match="the last epoch in" if meant else "un-?acquired|unlocked"):
+            train(settings)
 
 
 @pytest.mark.parametrize("change", ["", "code"])

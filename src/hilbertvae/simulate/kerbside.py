@@ -84,8 +84,8 @@ def line_pavement(rng, scene: Scene, line: Line, tree_gap: float) -> None:
         if scene.plan.character in ("avenue", "town") and rng.random() < 0.25 and line.length_m > 20:
             scene.add("shelter", draw_shelter(rng), line, rng.uniform(5, line.length_m - 5), line.pavement_m - 1.7)
     if line.main and line.length_m < scene.plan.extent[2] - scene.plan.extent[0] - 1 and rng.random() < 0.5:
-        for x in (1.0, line.length_m - 1.0):
-            scene.add("traffic light", draw_traffic_light(rng), line, x, near, np.pi * (x < 2))
+        for x, ahead in ((1.0, -1), (line.length_m - 1.0, 1)):
+            scene.add("traffic light", draw_traffic_light(rng, ahead), line, x, near)
     busy = {"town": 0.06, "avenue": 0.03, "residential": 0.012, "park": 0.015}.get(scene.plan.character, 0.005)
     for x in rng.uniform(0, line.length_m, rng.poisson(busy * line.length_m)):
         y = rng.uniform(0.4, max(line.pavement_m - 0.4, 0.5))

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from hilbertvae.simulate.layouts import Sketch
-from hilbertvae.simulate.shapes import SNAP_M, box, boxes, grown, parts, turned, united, without
+from hilbertvae.simulate.shapes import SNAP_M, box, boxes, common, grown, parts, turned, united, without
 
 
 def draw_doors(rng, sketch: Sketch):
@@ -112,4 +112,11 @@ def draw_windows(rng, sketch: Sketch, space, walls):
         0.12,
     )
     cut = without(walls, united(holes))
-    return [p for g in glass for p in parts(g)], united([cut, *[f for f in frames if rng.random() < 0.5]])
+    panes = [*glass, _panes_at_corners(space, walls, united(holes), united(glass))]
+    return [p for g in panes for p in parts(g)], united([cut, *[f for f in frames if rng.random() < 0.5]])
+
+
+def _panes_at_corners(space, walls, holes, glass):
+    """What of `holes` opens another wall than its own, as at inner corners, is a pane, too: else that floor would lie outdoors."""
+    opened = shapely.intersection(shapely.boundary(space), holes, grid_size=SNAP_M)
+    return without(common(shapely.buffer(opened, 0.03, cap_style="flat"), walls), glass)

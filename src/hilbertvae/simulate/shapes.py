@@ -48,6 +48,11 @@ def without(geometry, removed):
     return _area(shapely.difference(geometry, removed, grid_size=SNAP_M))
 
 
+def common(geometry, other):
+    """What of `geometry` lies in `other`."""
+    return _area(shapely.intersection(geometry, other, grid_size=SNAP_M))
+
+
 def grown(geometry, by_m: float):
     """The geometry with a margin of `by_m` and sharp corners; a negative margin shrinks it."""
     # Mitred buffers of intricate outlines now and then cross themselves, and overlays of those fail.

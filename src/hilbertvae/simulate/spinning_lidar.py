@@ -153,8 +153,8 @@ SENSORS = {
         range_noise_m=0.015,
     ),
     "mid360": SpinningLidar(
-        elevations_deg=_steps(52.0, -7.0, 40),
-        start_heights_m=(0.0,) * 40,
+        elevations_deg=_steps(52.0, -7.0, 41),
+        start_heights_m=(0.0,) * 41,
         azimuths=1000,
         height_m=1.0,
         max_range_m=40.0,
@@ -164,8 +164,8 @@ SENSORS = {
 }
 """Lasers and hidden roads as measured in real scans: the HDL-64E of KITTI, whose blocks of 1/3 and 1/2 degree leave at two heights;
 the HDL-32E of nuScenes' cars; an OS1-64 on a small robot. A VLP-16, a VLP-32C, an OS1-128 and an OS0-64 have the lasers of their makers'
-data sheets, and the rest by what those three have. A Mid-360 draws no rings: forty of them stand for what a moment
-of its pattern covers."""
+data sheets, and the rest by what those three have. A Mid-360 draws no rings: forty-one of them stand for what a moment
+of its pattern covers, not forty: each tenth beam is held out, which would be whole rings."""
 
 
 def rays(lidar: SpinningLidar) -> tuple[np.ndarray, np.ndarray]:

@@ -42,12 +42,12 @@ def draw_sign(rng: np.random.Generator) -> Soup:
     return joined(parts)
 
 
-def draw_traffic_light(rng: np.random.Generator) -> Soup:
-    """A post with a head, some with a second one on an arm over the street."""
+def draw_traffic_light(rng: np.random.Generator, ahead: int = 1) -> Soup:
+    """A post with a head on its +x side, or with `ahead` -1 on the other, some with a second one on an arm over the street, towards -y."""
     height = rng.uniform(3.0, 3.8)
     parts = [
         tubes([[0, 0, -0.2]], [[0, 0, height]], 0.06, 0.06, 7),
-        boxes_3d([[0.15, 0, 2.2], [0.12, 0, 1.0]], [[0.22, 0.3, 0.9], [0.1, 0.15, 0.2]], surface=Surface.DARK),
+        boxes_3d([[0.15 * ahead, 0, 2.2], [0.12 * ahead, 0, 1.0]], [[0.22, 0.3, 0.9], [0.1, 0.15, 0.2]], surface=Surface.DARK),
     ]
     if rng.random() < 0.3:
         parts += [tubes([[0, 0, 5.0]], [[0, -4.0, 5.5]], 0.07, 0.05, 6), tubes([[0, 0, height]], [[0, 0, 5.0]], 0.06, 0.06, 7)]

@@ -164,6 +164,7 @@ def _cabin(shape: CarShape, paint: Surface, glass: Surface) -> Soup:
         foot = np.array([[bottom[end], side * half * 0.94, belt[end]] for side in (-1, 1)])
         head = ridge[end, [0, 3]]
         parts.append(quads(np.stack([foot[0], foot[1], head[1], head[0]]), kind))
+        parts.append(quads(ridge[end], paint))  # from there up to the roof, which is higher in the middle
     seats = np.array([[0.02, -0.35, 0.4], [0.02, 0.35, 0.4], [-0.2 * length, -0.35, 0.4], [-0.2 * length, 0.35, 0.4]])
     parts.append(boxes_3d(seats, [0.15, 0.45, min(0.85, shape.height_m - 0.5)], surface=Surface.CLOTH))
     return joined(parts)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import re
+import sys
 import warnings
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from hilbertvae.reports.run_state import CHECKPOINTS, NETWORK
 from hilbertvae.reports.tensorboard import FLUSH_S
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.scoring.calibration import check_learnable
+from hilbertvae.signals import comes_of_a_stop
 from hilbertvae.training.checkpoints import AtomicCheckpoints, MovableCheckpoint, PatienceOnce, read_checkpoint
 from hilbertvae.training.devices import check_accelerator, training_device
 from hilbertvae.training.grids_datamodule import GridsDataModule
@@ -131,10 +133,12 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
         )
         if settings.trainer.initial and not resume:
             module.start_from(settings.trainer.initial)
-        before = {name: os.environ.get(name) for name in DISTRIBUTED}
+        before, handled = {name: os.environ.get(name) for name in DISTRIBUTED}, sys.exception()
         try:
             trainer.fit(module, GridsDataModule(settings), ckpt_path=resume, weights_only=True)
-        except SystemExit:  # Lightning's answer to Ctrl-C
+        except BaseException as error:
+            if not isinstance(error, SystemExit) and not comes_of_a_stop(error, handled):  # the first is Lightning's answer to Ctrl-C
+                raise
             on = "after the last mapper and gap seed that were done" if after_fit.scoring else "from the last epoch"
             what = "scoring" if after_fit.scoring else "training"
             raise KeyboardInterrupt(f"{what} was interrupted; the same command goes on {on} in {output}") from None
