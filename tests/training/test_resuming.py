@@ -56,7 +56,7 @@ def test_what_was_interrupted_is_said(finished, tmp_path, monkeypatch, scored, s
 
 @pytest.mark.parametrize("meant", [True, False])
 def test_a_wait_that_is_interrupted_in_a_wrong_moment_is_a_stop_too(finished, tmp_path, monkeypatch, meant):
-    """Of a thread's condition, which says that its lock is not held, as the one of TensorBoard's writer at an epoch's end. A lock that is not
+    """Of a condition, which says that its lock is not held, as the one of TensorBoard's writer at an epoch's end. A lock that is not
     held for another reason is an error, also in a training that begins where an earlier one was interrupted."""
     waiting = threading.Condition()
 
