@@ -24,6 +24,27 @@ def test_a_folder_in_which_another_run_is_at_work_is_refused_and_left_alone(tmp_
     assert not (tmp_path / "run/result.json").exists()
 
 
+def test_a_run_that_is_refused_leaves_no_word_of_it(tmp_path):
+    """Neither in a new folder, nor in place of what the run whose results lie there was called with."""
+
+    def files():
+        return {str(path.relative_to(tmp_path)): path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+    def train(*words):
+        command = [sys.executable, "-m", "hilbertvae.train", "debug=fast", "mapper=[nearest]", "pictures=false", *words]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False).returncode
+
+    assert train("trainer.epochs=-1", "output=runs/new") == 2 and list(tmp_path.iterdir()) == []
+    (tmp_path / "runs").mkdir()
+    assert train("trainer.epochs=-1", "output=runs/new") == 2 and list(tmp_path.rglob("*")) == [tmp_path / "runs"]
+    assert train("output=runs/done") == 0
+    before = files()
+    assert any("overrides.yaml" in name for name in before)
+    assert train("trainer.epochs=-1", "output=runs/done", "evaluation.gap_seeds=[5]") == 2 and files() == before
+    with alone_in(tmp_path / "runs/done", waits=False):
+        assert train("output=runs/done", "evaluation.gap_seeds=[5]") == 2 and files() == before
+
+
 @pytest.mark.skipif(os.name != "posix" or IS_ROOT and not shutil.which("setpriv"), reason="no folder is closed to whoever runs this")
 @pytest.mark.parametrize(
     ("words", "named"),

@@ -17,6 +17,7 @@ from hilbertvae.checks import InputError, how_to_install
 from hilbertvae.commands.clustering_study import has_study, run_clustering, write_clustering_failure
 from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.gpus import give_gpus, remember_gpus, see_remembered_gpus
+from hilbertvae.commands.hydra_files import HydraFiles
 from hilbertvae.commands.overrides import refuse_ignored
 from hilbertvae.commands.run import run
 from hilbertvae.reports.run_lock import alone_in
@@ -73,6 +74,7 @@ def _application(config: DictConfig) -> None:
         refused = isinstance(error, InputError)
         had, write = (has_study, write_clustering_failure) if config.task == "clustering" else (has_result, write_failure)
         if refused and not many:  # a wrong setting of a single run is told at once, and leaves nothing
+            HydraFiles.take_back()
             print(f"hilbertvae-train: {error}", file=sys.stderr)
             sys.exit(2)
         unwritable = isinstance(error, OSError) and error.filename and not many  # a full disk, or a folder that nobody may write in
