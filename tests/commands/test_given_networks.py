@@ -90,6 +90,14 @@ def test_what_a_network_brings_with_it_is_not_set_beside_it(network, word):
     refuse_ignored(settings_of(), [word])
 
 
+def test_two_mappers_of_one_name_are_refused():
+    """They would be one row, of either's settings."""
+    for words in ("[hm,hm-3d]", "[hm-3d,nearest,hm]"):
+        with pytest.raises(InputError, match="mapper: expected mappers of different names, got hm.* and hm.*, which are both called hm$"):
+            refuse_ignored(settings_of(), [f"mapper={words}"])
+    refuse_ignored(settings_of(), ["mapper=[hm,hm,hm-points,nearest]", "seed=0,1"])
+
+
 @pytest.mark.parametrize("word", ["trainer.epochs=5", "++trainer.learning_rate=1", "clustering.clusterings=2", "augmentation.balls=3",
                                   "trainer={epochs: 5}", "augmentation={balls: 3}", "clustering={turn: false}",
                                   "data.simulated=9", "data={simulated_first: 9}", "trained=outputs/trained"])  # fmt: skip

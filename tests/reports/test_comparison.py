@@ -55,7 +55,7 @@ def test_occlusion_shows_auc_and_nll_beside_the_base_rates():
     table = occlusion_table(result_of({"nearest": {"voxels": {"occluded-half-0.5-1": region, "occluded-half-1-2.5": empty}}}))
     assert "occluded-half-0.5-1" in table and "70.0" in table and "0.400" in table
     assert "constant base rate" in table and "0.300" in table and "1-2.5" not in table
-    assert "The 2 gap seeds are 2 different choices of scans for occluded-sparse, and one for occluded-half." in table
+    assert "The 2 gap seeds are 2 different choices of scans for occluded-sparse, and one choice for occluded-half." in table
 
 
 def test_seeds_in_which_a_region_is_empty_count_for_nothing():
@@ -78,11 +78,19 @@ def test_a_rival_that_was_not_asked_in_a_region_has_no_row_there():
     assert pairwise_table(result_of({"cvae-hm": ours, "leak": asked}), "occluded-half") == ""
 
 
-@pytest.mark.parametrize(("seeds", "said"), [([0, 1, 2], 3), ([0, 10, 20], 1), ([3, 4, 13], 2)])
+@pytest.mark.parametrize(
+    ("seeds", "said"), [([0, 1, 2], "3 different choices"), ([0, 10, 20], "one choice"), ([3, 4, 13], "2 different choices")]
+)
 def test_seeds_that_keep_the_same_scans_are_one_choice(seeds, said):
     region = {key: [0.5] * 3 for key in ("auc", "nll", "base_rate_nll", "count")}
     result = replace(result_of({"nearest": {"voxels": {"occluded-sparse-0.5-1": region}}}), gap_seeds=seeds)
-    assert f"The 3 gap seeds are {said} different choices" in occlusion_table(result)
+    assert f"The 3 gap seeds are {said} of scans for occluded-sparse, and one choice for occluded-half." in occlusion_table(result)
+    asked = {reading: gaps([0.8] * 3, [0.9] * 3, [0.8] * 3)["gaps"] for reading in ("points", "voxels")}
+    both = {reading: {"occluded-sparse": found, "occluded-half": found, "gaps": found} for reading, found in asked.items()}
+    result = replace(result_of({"cvae-hm": both, "cvae-hm-points": both, "nearest": both}), gap_seeds=seeds)
+    assert pairwise_table(result, "occluded-sparse").startswith(f"| in occluded-sparse ({said} of scans), against |")
+    assert pairwise_table(result, "occluded-half").startswith("| in occluded-half (one choice of scans), against |")
+    assert pairwise_table(result).startswith("| in gaps, against |")
 
 
 def test_errors_are_ranked_seed_by_seed():
@@ -90,6 +98,12 @@ def test_errors_are_ranked_seed_by_seed():
     table = error_table(result_of({"cvae-hm": sure, "nearest": {"voxels": gaps([0.4] * 2, [0.9] * 2, [0.5] * 2)}}))
     assert "| cvae-hm | 70.0±14.1 | 70.0±0.0 | 1 of 2 |" in table and "nearest" not in table
     assert error_table(result_of({"nearest": {"voxels": {}}})) == ""
+
+
+def test_a_seed_without_errors_says_nothing_of_how_they_are_ranked():
+    sure = {"error_auc_spread": [0.9, 0.5, 0.7], "error_auc_doubt": [0.8, 0.5, 0.8], "errors": [0.1, 0.0, 0.3], "count": [9.0] * 3}
+    assert "| cvae-hm | 80.0±14.1 | 80.0±0.0 | 1 of 2 |" in error_table(result_of({"cvae-hm": {"voxels": {"gaps": sure}}}))
+    assert error_table(result_of({"cvae-hm": {"voxels": {"gaps": sure | {"errors": [0.0, 1.0, 0.0]}}}})) == ""
 
 
 def test_occlusion_is_empty_where_it_was_not_scored():

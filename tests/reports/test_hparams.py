@@ -41,6 +41,11 @@ def test_the_headline_is_the_runs_own_map():
     found = result()
     found.scores = {"nearest": found.scores["nearest"]}
     assert headlines(found)["headline/gaps_voxels_auc"] == np.mean(found.scores["nearest"]["voxels"]["gaps"]["auc"])
+    found.scores = {
+        "gap-centre": {"voxels": {"gaps": {"auc": [0.9, 0.9]}}},
+        **found.scores,
+    }  # which is told where gaps are, and competes nowhere
+    assert headlines(found)["headline/gaps_voxels_auc"] == np.mean(found.scores["nearest"]["voxels"]["gaps"]["auc"])
     found.scores["cae-hm"] = {"voxels": {"gaps": {"auc": [0.25, 0.75], "best_f1": [0.5, 0.5]}}}
     found.scores["cae-hm-points"] = {"points": {"gaps": {"auc": [0.1, 0.2], "f1": [0.0, 0.0]}}}
     own = headlines(found)

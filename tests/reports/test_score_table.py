@@ -7,7 +7,7 @@ from reports_toys import result
 from rich.console import Console
 
 from hilbertvae.reports.paper_table import PAPER, paper_table
-from hilbertvae.reports.score_table import markdown_scores, percent, print_scores, rows_of, told_given
+from hilbertvae.reports.score_table import heading, markdown_scores, percent, print_scores, rows_of, told_given
 from hilbertvae.scoring.metrics import score
 from hilbertvae.scoring.protocol_settings import GIVEN
 
@@ -136,3 +136,19 @@ def test_what_mappers_were_given_is_told_where_it_was_not_scans():
     assert told_given({}) == told_given({"given": "scans"}) == ""  # results from before maps could be given say nothing of it
     of_maps = {told_given({"given": given}) for given in GIVEN if given != "scans"}
     assert len(of_maps) == len(GIVEN) - 1 and all(words.startswith(", given a map") for words in of_maps)
+
+
+@pytest.mark.parametrize(
+    ("protocol", "words"),
+    [({}, "2.5 m, "), ({"rim": False}, "2.5 m without a rim, "), ({"centred": True, "rim": True}, "2.5 m centred on returns, ")],
+)
+def test_gaps_that_are_cut_otherwise_are_told_beside_their_size(protocol, words):
+    found = result()
+    found.protocol = protocol
+    assert f", gaps of {words}" in heading(found) and f", gaps of {words}" in paper_table(found)
+
+
+def test_the_paper_s_rows_stand_beside_those_of_scans_alone():
+    found = result()
+    found.protocol = {"given": "map"}
+    assert paper_table(found) == "" and ", given a map" in heading(found)

@@ -61,7 +61,7 @@ def test_one_that_fails_takes_none_with_it_that_fits_alike(room):
     assert len(alike(mappers)) == 1
     found = evaluate_all(mappers, room, PROTOCOL, lines.append)
     assert found.failed["points"] == "MemoryError: too many queries" and found.failed["spread"].startswith("ValueError: Worn answered ")
-    assert found.failed["spread"].endswith(" spreads with NaN") and sum("failed" in line for line in lines) == 2
+    assert found.failed["spread"].endswith(" numbers NaN or infinite") and sum("failed" in line for line in lines) == 2
     assert found.scores == evaluate_all({"voxels": HilbertMap(made)}, room, PROTOCOL).scores and len(found.gaps) == 2
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn import metrics as reference
 
-from hilbertvae.scoring.metrics import ERROR_METRICS, METRICS, calibration_error, error_ranking, precision_recall_curve, score
+from hilbertvae.scoring.metrics import ERROR_METRICS, ERRORS, METRICS, calibration_error, error_ranking, precision_recall_curve, score
 
 
 def answers(seed, count, levels):
@@ -122,11 +122,12 @@ def test_ranks_of_errors_against_scikit_learn(seed, count, levels):
     both = 0 < wrong.sum() < count
     for name, doubt in (("error_auc_spread", spread), ("error_auc_doubt", 1 - np.abs(2 * probability - 1))):
         assert found[name] == pytest.approx(reference.roc_auc_score(wrong, doubt) if both else 0.5)
+    assert found[ERRORS] == pytest.approx(np.mean(wrong))
 
 
 def test_errors_of_nothing_are_ranked_by_chance():
     nothing = np.zeros(0)
-    assert error_ranking(nothing.astype(bool), nothing, nothing) == dict.fromkeys(ERROR_METRICS, 0.5)
+    assert error_ranking(nothing.astype(bool), nothing, nothing) == dict.fromkeys(ERROR_METRICS, 0.5) | {ERRORS: 0.0}
 
 
 def test_a_certain_answer_that_is_wrong_costs_a_lot_but_not_everything():

@@ -1,6 +1,8 @@
 """A scoring that was stopped goes on, and ends with what one that was not would have found."""
 
+import importlib
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 import torch
 from training_toys import tiny_settings
 
+from hilbertvae.files import hash_of
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.mappers.constant import ConstantMapper
 from hilbertvae.mappers.hilbert_map import HilbertMap
@@ -21,7 +24,7 @@ from hilbertvae.reconstruction.settings import GatedNetworkSettings, LikelihoodS
 from hilbertvae.reports.run_state import UNFINISHED
 from hilbertvae.scoring.protocol import Protocol, evaluate_all
 from hilbertvae.training import kept_scores
-from hilbertvae.training.kept_scores import KeptScores
+from hilbertvae.training.kept_scores import KeptScores, described
 from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.scoring import score
 from hilbertvae.training.settings import DataSettings
@@ -101,6 +104,43 @@ def test_what_has_changed_is_scored_anew(settings, changed):
         settings.data.test = ["simulated:900003"]
     (result,) = stopped_at(settings, -1, **changes)
     assert Stopped.fits == 3 and len(result.scores["late"]["points"]["gaps"]["auc"]) == 3
+
+
+def test_a_mapper_is_known_by_all_code_and_files_that_it_names(tmp_path, monkeypatch):
+    """Also by what its class is derived from, by folders, and by paths in lists."""
+    base, data, folder = tmp_path / "somebase.py", tmp_path / "table.txt", tmp_path / "tables"
+    folder.mkdir()
+
+    def write(**said):
+        base.write_text(
+            f"from hilbertvae.mappers.constant import ConstantMapper\nclass Base(ConstantMapper):\n    cut = {said.get('code')}\n"
+        )
+        (tmp_path / "somebodys.py").write_text(
+            "from somebase import Base\nclass Own(Base):\n    def __init__(self, a=None, b=None):\n        self.a, self.b = a, b\n"
+        )
+        data.write_text(f"{said.get('table')}")
+        (folder / "one.txt").write_text(f"{said.get('inner')}")
+
+    def found(a, b):
+        for name in ("somebodys", "somebase"):
+            monkeypatch.delitem(sys.modules, name, raising=False)
+        importlib.invalidate_caches()
+        return hash_of(described(importlib.import_module("somebodys").Own(a, b)))
+
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    for change, a, b in (
+        ("code", 1, 2),
+        ("table", [str(data)], ""),
+        ("table", {"x": data}, "."),
+        ("inner", str(folder), 1),
+        ("inner", folder, 1),
+    ):
+        write()
+        before = found(a, b)
+        assert found(a, b) == before
+        write(**{change: "1e6"})
+        assert found(a, b) != before, (change, a)
 
 
 def test_more_seeds_take_those_that_are_there(settings):

@@ -172,3 +172,15 @@ def test_what_weights_are_learned_on_is_neither_trained_nor_scored_on():
         check_roles(["fr079"], "csail", [], ["fr079"])
     with pytest.raises(InputError, match="data.test: aces is also trained or validated on"):
         check_roles(["fr079"], "csail", ["aces"], ["aces"])
+
+
+@pytest.mark.parametrize(("trained", "scored"), [("drive", "drive/3.csv"), ("drive/3.csv", "drive"), ("drive", "drive/../drive/3.csv")])
+def test_a_part_of_a_site_is_that_site(tmp_path, trained, scored):
+    """A scan of a folder that is trained on has been seen."""
+    (tmp_path / "drive").mkdir()
+    for number in (3, 4):
+        (tmp_path / f"drive/{number}.csv").write_text(f"{number} 1 2 3")
+    (tmp_path / "drive2.csv").write_text("1 1 2 3")
+    with pytest.raises(InputError, match="data.test: .* is also trained or validated on"):
+        check_roles([str(tmp_path / trained)], "csail", [str(tmp_path / scored)])
+    check_roles([str(tmp_path / trained)], "csail", [str(tmp_path / "drive2.csv")])

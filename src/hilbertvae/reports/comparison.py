@@ -20,7 +20,8 @@ def pairwise_table(result: Result, region: str = "gaps") -> str:
 
     Empty where nothing was scored in the region.
     """
-    header = [f"in {region}, against"]
+    choices = _choices(result).get(region)
+    header = [f"in {region}{f' ({choices} of scans)' if choices else ''}, against"]
     columns = []
     for reading, metric, title in HEADLINES:
         champion = next((name for name in CHAMPIONS[reading] if region in result.regions(name, reading)), None)
@@ -57,9 +58,16 @@ def occlusion_table(result: Result) -> str:
             rows.append([name, *(f"{percent(auc)}; {_mean(nll):.3f}" for auc, nll in seen)])
     first = next(readings["voxels"] for readings in result.scores.values() if regions[0] in readings["voxels"])
     rows.append(["constant base rate", *(f"50.0; {_mean(asked(first[region], 'base_rate_nll')):.3f}" for region in regions)])
-    cases = len({seed % OCCLUSION_STEP[result.dimension] for seed in result.gap_seeds})
-    said = f"The {len(result.gap_seeds)} gap seeds are {cases} different choices of scans for occluded-sparse, and one for occluded-half."
+    sparse, half = _choices(result).values()
+    seeds = len(result.gap_seeds)
+    said = f"The {seeds} gap seed{'s are' if seeds > 1 else ' is'} {sparse} of scans for occluded-sparse, and {half} for occluded-half."
     return markdown(["AUC; NLL (voxels)", *regions], rows) + "\n\n" + said
+
+
+def _choices(result: Result) -> dict[str, str]:
+    """By region how many cases its gap seeds are: scores of the same scans are no further evidence."""
+    several = len({seed % OCCLUSION_STEP[result.dimension] for seed in result.gap_seeds})
+    return {"occluded-sparse": f"{several} different choices" if several > 1 else "one choice", "occluded-half": "one choice"}
 
 
 def error_table(result: Result) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from torch.utils.tensorboard import SummaryWriter
 from torch.utils.tensorboard.summary import hparams
 
-from hilbertvae.reports.mapper_names import champions
+from hilbertvae.reports.mapper_names import champions, is_rival
 from hilbertvae.scoring.result import Result
 
 HEADLINES = {
@@ -24,11 +24,11 @@ SECTIONS = ("network", "grid", "likelihood", "trainer")
 
 
 def headlines(result: Result) -> dict[str, float]:
-    """The headline scores of the run's own map, means over gap seeds; of a run without a network, of its first mapper. A map that failed
-    has none, and none stands in for it."""
+    """The headline scores of the run's own map, means over gap seeds; of a run without a network, of the first that competes.
+    A map that failed has none, and none stands in for it."""
     found = {}
     for tag, (reading, region, metric) in HEADLINES.items():
-        for name in champions(result.mappers(), reading)[:1] or result.scores:
+        for name in champions(result.mappers(), reading)[:1] or filter(is_rival, result.scores):
             values = result.values(name, reading, region, metric)
             if values:
                 found[tag] = float(np.mean(values))

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hilbertvae.reports.score_table import NOTHING, heading, markdown, mean_and_spread, percent
+from hilbertvae.reports.score_table import NOTHING, heading, markdown, mean_and_spread, percent, told_given
 from hilbertvae.scoring.result import Result, asked
 
 
@@ -46,7 +46,12 @@ OCTOMAP_NOTE = (
 
 
 def paper_table(result: Result) -> str:
-    """Markdown: paper | ours | difference, for what this result's dimension has in the paper; a mapper that was not run has empty cells."""
+    """Markdown: paper | ours | difference, for what this result's dimension has in the paper; a mapper that was not run has empty cells.
+
+    Empty where mappers were given a map, and not scans as in the paper.
+    """
+    if told_given(result.protocol):
+        return ""
     columns = (
         "observed, paper",
         "fitted, ours",

@@ -106,18 +106,24 @@ def told_given(protocol: dict) -> str:
     return NOT_SCANS.get(protocol.get("given", "scans"), "")
 
 
+def told_gaps(protocol: dict) -> str:
+    """How gaps were cut, where that was not METHOD 7's way, as more words: such scores stand beside no others."""
+    return " without a rim" * (not protocol.get("rim", True)) + " centred on returns" * protocol.get("centred", False)
+
+
 def heading(result: Result) -> str:
     """What was scored, in a line."""
     seeds = len(result.gap_seeds)
     place = f"{result.site} ({result.dimension}D){told_given(result.protocol)}"
-    return f"{place}, gaps of {result.gap_diameter_m:g} m, {seeds} gap seed{'s' if seeds > 1 else ''}"
+    gaps = f"gaps of {result.gap_diameter_m:g} m{told_gaps(result.protocol)}"
+    return f"{place}, {gaps}, {seeds} gap seed{'s' if seeds > 1 else ''}"
 
 
 LEGEND = (
     "In percent, mean±sd over gap seeds. observed: held-out beams outside gaps. Precision, recall and F1 at p > 0.6, AUC at all cuts; "
     "precision is over the seeds in which anything was called occupied. ceiling: the best vote at the map's cell size."
 )
-GROUND_LEGEND = "near ground: within 0.4 m of the local ground; above ground: higher."
+GROUND_LEGEND = "near ground: up to 0.4 m above the local ground, and all below it; above ground: higher."
 
 
 def print_scores(result: Result, console: Console | None = None) -> None:

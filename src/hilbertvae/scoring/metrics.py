@@ -15,7 +15,9 @@ METRICS = (
 )  # fmt: skip
 
 ERROR_METRICS = ("error_auc_spread", "error_auc_doubt")
-"""Of voxels in gaps, from mappers that say how unsure they are."""
+ERRORS = "errors"
+"""Of voxels in gaps, from mappers that say how unsure they are; and the share of these that are errors, without which, or with nothing
+else, areas under their curves say nothing."""
 
 
 def score(occupied: np.ndarray, probability: np.ndarray) -> dict[str, float]:
@@ -67,11 +69,12 @@ def _cuts(occupied: np.ndarray, probability: np.ndarray) -> tuple[np.ndarray, np
 
 
 def error_ranking(occupied: np.ndarray, probability: np.ndarray, spread: np.ndarray) -> dict[str, float]:
-    """`ERROR_METRICS`: how well a map's `spread (Q,)`, as of `predict_std`, ranks its errors, p on the wrong side of 0.5, and how well
-    1 - |2p - 1| does, which costs nothing: areas under the ROC curve, 0.5 where all, or none, are errors."""
+    """`ERRORS`, and `ERROR_METRICS`: how well a map's `spread (Q,)`, as of `predict_std`, ranks its errors, p on the wrong side of 0.5, and
+    how well 1 - |2p - 1| does, which costs nothing: areas under the ROC curve, 0.5 where all, or none, are errors."""
     wrong = (probability > 0.5) != occupied
     doubts = spread, 1 - np.abs(2 * probability - 1)
-    return {name: _ranked(wrong, doubt)[0] if len(wrong) else 0.5 for name, doubt in zip(ERROR_METRICS, doubts, strict=True)}
+    ranked = {name: _ranked(wrong, doubt)[0] if len(wrong) else 0.5 for name, doubt in zip(ERROR_METRICS, doubts, strict=True)}
+    return ranked | {ERRORS: float(wrong.mean()) if len(wrong) else 0.0}
 
 
 def precision_recall_curve(occupied: np.ndarray, probability: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

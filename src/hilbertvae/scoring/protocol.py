@@ -14,6 +14,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import LEAST_SHARE, Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.scoring.answers import answers, spreads, warn_of_voxels
 from hilbertvae.scoring.cases import Case, gap_case, occluded_parts, occlusion_case
 from hilbertvae.scoring.ceiling import ceiling
 from hilbertvae.scoring.metrics import error_ranking, precision_recall_curve, score
@@ -82,6 +83,8 @@ def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, p
                     found[name].seconds["fit"].append(taken)
                     found[name].seconds["query_per_million"].append(asked)
                     _weigh(mapper, found[name].maps)
+                    if seed == protocol.gap_seeds[0]:
+                        warn_of_voxels(mapper, name, site)
         if progress:
             for name, one in found.items():
                 f1, auc = (one.rows["voxels"]["gaps"][metric][-1] for metric in ("f1", "auc"))
@@ -114,7 +117,7 @@ class _Found:
         """Scores the case; the seconds that a million of its queries take."""
         taken = 0.0
         for reading, asked in case.asked.items():
-            probability, seconds = _ask(mapper, asked.points)
+            probability, seconds = answers(mapper, asked.points)
             taken += seconds
             for region, chosen in asked.regions.items():
                 for metric, value in score(asked.occupied[chosen], probability[chosen]).items():
@@ -122,7 +125,7 @@ class _Found:
                 if region == "gaps":
                     self.curves[reading].append(_curve(asked.occupied[chosen], probability[chosen]))
                     if reading == "voxels" and hasattr(mapper, "predict_std"):
-                        spread = _finite(mapper.predict_std(asked.points[chosen]), mapper, "spreads")
+                        spread = spreads(mapper, asked.points[chosen])
                         for metric, value in error_ranking(asked.occupied[chosen], probability[chosen], spread).items():
                             self.rows[reading][region][metric].append(value)
         return taken / max(sum(len(asked.points) for asked in case.asked.values()), 1) * 1e6
@@ -149,21 +152,6 @@ def _weigh(mapper: Mapper, maps: dict) -> None:
     maps["bytes"].append(mapper.stored_bytes())
     if (count := mapper.cluster_count()) is not None:
         maps["clusters"].append(count)
-
-
-def _ask(mapper: Mapper, queries: np.ndarray) -> tuple[np.ndarray, float]:
-    """The mapper's answers, and the seconds that they took."""
-    start = time.perf_counter()
-    probability = mapper.predict_proba(queries)[:, 1]
-    taken = time.perf_counter() - start
-    return _finite(probability, mapper, "queries"), taken
-
-
-def _finite(answers: np.ndarray, mapper: Mapper, what: str) -> np.ndarray:
-    """The answers; a `ValueError` where one is NaN, which would be ranked as if it were a number."""
-    if wrong := np.count_nonzero(~np.isfinite(answers)):
-        raise ValueError(f"{type(mapper).__name__} answered {wrong} of {len(answers)} {what} with NaN")
-    return answers
 
 
 def _curve(occupied: np.ndarray, probability: np.ndarray) -> list[float]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+from hilbertvae.scoring.metrics import ERROR_METRICS, ERRORS
+
 SCHEMA_VERSION = 1
 Scores = dict[str, dict[str, dict[str, dict[str, list[float]]]]]
 
@@ -107,9 +109,9 @@ PRECISIONS = {"precision": "recall", "free_precision": "free_recall"}
 def asked(metrics: dict[str, list[float]], metric: str) -> list[float]:
     """A metric of a region, one number per gap seed in which it says anything.
 
-    Of a seed in which the region is empty, in which all of it is of one kind, or in which nothing was called occupied (or free) of which
-    there could be a precision, `score` says 0 or 0.5, which would make a mean of several seeds better, or worse, than it is. The precision
-    of a map that calls nothing so in any seed stays 0.
+    Of a seed in which the region is empty, in which all of it is of one kind (or is an error, or none is), or in which nothing was called
+    occupied (or free) of which there could be a precision, `score` says 0 or 0.5, which would make a mean of several seeds better, or
+    worse, than it is. The precision of a map that calls nothing so in any seed stays 0.
     """
     values = metrics.get(metric, [])
     if not values:
@@ -118,6 +120,8 @@ def asked(metrics: dict[str, list[float]], metric: str) -> list[float]:
     if "base_rate" in metrics:
         least, most = metric in OF_OCCUPIED, metric in OF_FREE
         told = [some and (base > 0 or not least) and (base < 1 or not most) for some, base in zip(told, metrics["base_rate"], strict=True)]
+    if metric in ERROR_METRICS and ERRORS in metrics:  # results of earlier versions have none
+        told = [some and 0 < share < 1 for some, share in zip(told, metrics[ERRORS], strict=True)]
     if metric in PRECISIONS:
         found = [some and bool(called) for some, called in zip(told, _called(metrics, metric), strict=True)]
         told = found if any(found) else told

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import inspect
 import sys
+import sysconfig
 from functools import cache
+from pathlib import Path
 from types import ModuleType
 
 
@@ -20,6 +22,15 @@ def foreign_source(kind: type) -> str | None:
     if found is not kind:  # another one of that name, or none
         return None
     return _source_of(kind, module)
+
+
+def is_library(kind: type) -> bool:
+    """Whether a class is Python's, or of an installed package, which has a version."""
+    file = getattr(sys.modules.get(kind.__module__), "__file__", None)
+    installed = {Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib")}
+    return kind.__module__.partition(".")[0] in sys.stdlib_module_names - {"__main__"} or bool(
+        file and installed & {*Path(file).resolve().parents}
+    )
 
 
 @cache

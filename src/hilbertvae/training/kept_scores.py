@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
+import os
 import shutil
 import warnings
 from dataclasses import asdict, is_dataclass
@@ -13,7 +15,7 @@ import torch
 
 import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.files import file_sha256, hash_of
+from hilbertvae.files import hash_of, path_sha256
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
@@ -24,7 +26,7 @@ from hilbertvae.reports.result_json import read_result, write_result
 from hilbertvae.reports.run_state import UNFINISHED
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import site_name
-from hilbertvae.training.foreign_code import foreign_source
+from hilbertvae.training.foreign_code import foreign_source, is_library
 from hilbertvae.training.settings import Settings
 
 LATER = ("drawing", "reports", "tables", "exports", "commands")
@@ -110,16 +112,24 @@ def described(mapper: Mapper) -> list:
 
 
 def _code_of(mapper: Mapper) -> list[type]:
-    """The classes whose code answers for a mapper: its own, and of its network that and the likelihood's."""
+    """The classes whose code answers for a mapper: its own and what that is derived from, and of its network that and the likelihood's."""
     networks = [value for value in mapper.get_params(deep=False).values() if isinstance(value, Reconstructor)]
-    return [type(mapper), *(part for made in networks for part in (type(made.network), LIKELIHOODS[made.likelihood.kind]))]
+    return [
+        type(mapper),
+        *itertools.filterfalse(is_library, type(mapper).__mro__[1:]),
+        *(part for made in networks for part in (type(made.network), LIKELIHOODS[made.likelihood.kind])),
+    ]
 
 
 def _plain(value: object) -> object:
     if isinstance(value, Reconstructor):
         return [value.fingerprint(), value.resolution_m, asdict(value.grid), value.map_weights]
-    if isinstance(value, str) and Path(value).is_file():
-        return file_sha256(value)
+    if isinstance(value, Path) or (isinstance(value, str) and (Path(value).is_file() or os.sep in value)):
+        return path_sha256(value) if Path(value).exists() else str(value)
+    if isinstance(value, (list, tuple)):
+        return [_plain(part) for part in value]
+    if isinstance(value, dict):
+        return {str(key): _plain(part) for key, part in value.items()}
     if isinstance(value, np.ndarray):
         return [str(value.dtype), value.tolist()]  # as text a large one lacks its middle
     return asdict(value) if is_dataclass(value) else value

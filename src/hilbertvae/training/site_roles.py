@@ -35,7 +35,7 @@ def check_roles(train: list[str], validate: str, test: list[str], calibrate: Seq
             if place(site) in trained:
                 raise InputError(f"{key}: {site!r} is also trained on")
     known = {*trained, *map(place, [validate, *calibrate])}
-    both = [site for site in test if places[site] in known]
+    both = [site for site in test if places[site] in known or _lies_among(site, (*train, validate, *calibrate))]
     if both:
         raise InputError(f"data.test: {', '.join(both)} is also trained or validated on")
     for key, sites in (("data.train", train), ("data.calibrate", calibrate), ("data.test", test)):
@@ -90,6 +90,12 @@ def place(reference: str) -> str:
     path = Path(reference).resolve()
     found = _contents(path)
     return next((entry.name for entry in CATALOGUE.values() if entry.sha256 == found), found or str(path))
+
+
+def _lies_among(site: str, others: Sequence[str]) -> bool:
+    """Whether a site's files are some of another's, as one scan of a folder, or the other way round."""
+    path, paths = Path(site).resolve(), [Path(other).resolve() for other in others if is_scan_path(other)]
+    return is_scan_path(site) and any(path.is_relative_to(other) or other.is_relative_to(path) for other in paths)
 
 
 def _contents(path: Path) -> str | None:
