@@ -12,13 +12,11 @@ from torch import Tensor
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.augmentation import augment
-from hilbertvae.reconstruction.blocks import HIT_FREE_CHANNELS, Reconstruction
+from hilbertvae.reconstruction.blocks import Reconstruction
 from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
-from hilbertvae.reconstruction.finer_stem import finer_weights, is_finer
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, active_dimensions, free_bits, kl_divergence, kl_weight, known_nll
 from hilbertvae.reconstruction.networks import build_network
-from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reconstruction.wider_levels import is_wider, wider_weights
+from hilbertvae.training.initial_network import initial_weights
 from hilbertvae.training.optimizers import OPTIMIZERS
 from hilbertvae.training.settings import Settings
 
@@ -36,29 +34,8 @@ class ReconstructionModule(L.LightningModule):
         self._taken = 0
 
     def start_from(self, checkpoint: str) -> None:
-        """Take the weights of a trained network. An `InputError` names the file if its network is another.
-
-        One that was shown labels alone goes on with what else a `detailed` encoding shows at no weight, and so as it was; so does one
-        with fewer channels or blocks (`wider_levels.py`). One with twice the stem becomes the inner levels of this one (`finer_stem.py`).
-        """
-        trained = Reconstructor.load(checkpoint)
-        if trained.dimension != self.settings.dimension:
-            raise InputError(f"trainer.initial: {checkpoint} is a network of {trained.dimension}D, expected {self.settings.dimension}D")
-        found = trained.network.state_dict()
-        if is_finer(self.settings.network, trained.network_settings):
-            found = finer_weights(found, self.network)
-        elif is_wider(self.settings.network, trained.network_settings):
-            found = wider_weights(found, self.network)
-        own = self.network.state_dict()
-        stem, wanted = found.get("stem.weight"), own.get("stem.weight")
-        if stem is not None and wanted is not None and stem.shape[1] == HIT_FREE_CHANNELS < wanted.shape[1]:
-            further = stem.new_zeros(len(stem), wanted.shape[1] - HIT_FREE_CHANNELS, *stem.shape[2:])
-            found = {**found, "stem.weight": torch.cat([stem, further], dim=1)}
-        # What says whether a cell would be known came later than the rest, and older networks don't have it.
-        lacking = [name for name in own if name not in found and not name.startswith("known_head.")]
-        if lacking or any(name not in own or own[name].shape != weights.shape for name, weights in found.items()):
-            raise InputError(f"trainer.initial: {checkpoint} has another network than `network` and `grid.cells` describe")
-        self.network.load_state_dict({**own, **found})
+        """Take the weights of a trained network. An `InputError` names the file if its network is another (`initial_network.py`)."""
+        self.network.load_state_dict(initial_weights(checkpoint, self.settings, self.network))
 
     def training_step(self, batch: tuple[Tensor, Tensor], number: int) -> Tensor:
         trainer = self.settings.trainer
