@@ -21,7 +21,7 @@ from hilbertvae.mappers.map_arrays import EVIDENCE, map_arrays
 from hilbertvae.mappers.octomap_mapper import OCTREES, OctoMapMapper, read_octree
 from hilbertvae.mappers.packed_array import pack, unpack
 from hilbertvae.mappers.saved_evidence import evidence_of
-from hilbertvae.mappers.weights import NAMES, RankWeights, unit_weights
+from hilbertvae.mappers.weights import RankWeights
 from hilbertvae.reconstruction.recorded_network import RecordedNetwork
 
 FORMAT = "hilbertvae-map-2"
@@ -191,16 +191,8 @@ def _put_clusters(mapper: HilbertMap, arrays: dict[str, np.ndarray]) -> None:
 
 
 def _rank_weights(plain: dict, mapper: HilbertMap) -> RankWeights:
-    weights = RankWeights.from_plain(plain).knowing(mapper.evidence_.feature_count)
-    # Unit weights have the shapes of any.
-    wanted = unit_weights(mapper.neighbours, mapper.evidence_.feature_count)
-    for name in NAMES:
-        found, shape = getattr(weights, name), getattr(wanted, name).shape
-        if found.shape != shape or not np.isfinite(found).all():
-            raise InputError(f"rank_weights.{name}: expected {shape} finite numbers, got shape {found.shape}")
-    if not np.isfinite(weights.spread):
-        raise InputError(f"rank_weights.spread: expected a finite number, got {weights.spread!r}")
-    return weights
+    features = mapper.evidence_.feature_count
+    return RankWeights.from_plain(plain).knowing(features).checked(mapper.neighbours, features, "rank_weights")
 
 
 def _feature_names(names: list, dimension: int) -> np.ndarray:
