@@ -118,6 +118,25 @@ def test_a_network_of_one_s_own_gives_known_if_its_settings_say_so(monkeypatch, 
         module.train().training_step(pairs(), 0)
 
 
+@pytest.mark.parametrize("kind", ["bernoulli", "gaussian"])
+@pytest.mark.parametrize(("change", "expected"), [
+    (lambda found: found.output, "to give a Reconstruction, got Tensor"),
+    (lambda found: (found.output,), "to give a Reconstruction, got tuple"),
+    (lambda found: replace(found, output=found.output.unsqueeze(1)), r"`output` of shape \(8, 16, 16\), as the grids', got \(8, 1, 16, 16\)"),
+    (lambda found: replace(found, output=found.output[:, :-1]), r"`output` of shape \(8, 16, 16\), as the grids', got \(8, 15, 16\)"),
+    (lambda found: replace(found, output=None), "`output` of shape .*, got NoneType"),
+    (lambda found: replace(found, known=found.known[:, :1]), "`known` of shape .*, got "),
+])  # fmt: skip
+def test_a_network_of_one_s_own_gives_a_reconstruction_of_the_grids_shape(monkeypatch, logged, kind, change, expected):
+    """Else torch says something of its own, or repeats what it has, and the network learns nonsense."""
+    module = module_of(likelihood=LikelihoodSettings(kind=kind))
+    forward = module.network.forward
+    monkeypatch.setattr(module.network, "forward", lambda shown: change(forward(shown)))
+    for step in (module.train().training_step, module.eval().validation_step):
+        with pytest.raises(InputError, match=f"network: expected GatedNetwork.forward .*{expected}"):
+            step(pairs(), 0)
+
+
 class Broken(ReconstructionModule):
     """Whose gradients of some steps are not finite."""
 

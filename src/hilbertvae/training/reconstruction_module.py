@@ -45,7 +45,7 @@ class ReconstructionModule(L.LightningModule):
         votes = target[:, 1] if self.settings.likelihood.vote_power > 0 else None
         target = labels_of(target, dimension)
         found = self.network(shown, target) if isinstance(self.network, ConditionalNetwork) else self.network(shown)
-        self._check_known(found)
+        self._check_output(found, target)
         shown = labels_of(shown, dimension)
         fit = self.likelihood(found.output, target, shown, votes).mean()
         loss = fit
@@ -68,18 +68,27 @@ class ReconstructionModule(L.LightningModule):
         self.log("train/loss", loss)
         return loss
 
-    def _check_known(self, found: Reconstruction) -> None:
-        """An `InputError` for a network that gives a `known` of which its settings say nothing, and which maps would not ask for; or none
-        where they do."""
+    def _check_output(self, found: Reconstruction, target: Tensor) -> None:
+        """An `InputError` for a network of somebody's own that gives no `Reconstruction`, or an output of another shape than the target's,
+        which a likelihood may take for one by repeating it; and for one that gives a `known` of which its settings say nothing, and which
+        maps would not ask for, or none where they do."""
+        forward = f"{type(self.network).__name__}.forward"
+        if not isinstance(found, Reconstruction):
+            raise InputError(f"network: expected {forward} to give a Reconstruction, got {type(found).__name__}")
+        for name in ("output", "known"):
+            given = getattr(found, name)
+            if (given is not None or name == "output") and (shape := getattr(given, "shape", None)) != target.shape:
+                got = type(given).__name__ if shape is None else tuple(shape)
+                raise InputError(f"network: expected {forward} to give `{name}` of shape {tuple(target.shape)}, as the grids', got {got}")
         asked, given = bool(getattr(self.settings.network, "known", False)), found.known is not None
         if asked != given:
-            what = "gives" if given else "gives no"
-            raise InputError(f"network.known: expected {str(given).lower()}, since {type(self.network).__name__}.forward {what} `known`")
+            raise InputError(f"network.known: expected {str(given).lower()}, since {forward} gives {'' if given else 'no '}`known`")
 
     def validation_step(self, batch: tuple[Tensor, Tensor], number: int) -> None:
         shown, target = batch
         found = self.network(shown)
         shown, target = (labels_of(grids, self.settings.dimension) for grids in (shown, target))
+        self._check_output(found, target)
         removed = (shown == 0) & (target != 0)
         fit = self.likelihood(found.output, target, shown).mean()
         self.log("val/nll_per_grid", fit, batch_size=len(shown))
