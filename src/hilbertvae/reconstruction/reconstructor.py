@@ -32,6 +32,8 @@ from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
 from hilbertvae.reconstruction.symmetry import apply, apply_channels, check_flips, symmetries, undo
 
 FORMAT = "hilbertvae-reconstructor-1"
+LARGEST = float(np.finfo(np.float16).max)
+"""Of a kernel value: in these numbers maps keep them."""
 
 
 @dataclass(repr=False)
@@ -90,7 +92,11 @@ class Reconstructor:
                 portion = slice(start, start + batch)
                 shown = torch.from_numpy(grids[portion]).to(device)
                 found = [(s, network(move(shown, s).contiguous())) for s in chosen]
-                value[portion] = (sum(undo(kernel_value(given.output), s) for s, given in found) / flips).cpu().numpy()
+                mean = sum(undo(kernel_value(given.output), s) for s, given in found) / flips
+                if not mean.abs().max() <= LARGEST:  # a map's weights would be learned of them, and say nothing of it
+                    kind = f"likelihood.kind={self.likelihood.kind}"
+                    raise InputError(f"{kind}: expected finite kernel values of at most {LARGEST:g}, got {mean.abs().max().item():g}")
+                value[portion] = mean.cpu().numpy()
                 if known is not None:
                     share = sum(undo(torch.sigmoid(given.known.float()), s) for s, given in found) / flips
                     seen = labels_of(shown, self.dimension) != 0
