@@ -68,6 +68,7 @@ class GrowingMapper(CompletingMapper):
             settings = self.grid_, self.detailed_, self.seed
             self._growing = GrowingClusters(self.evidence_, *settings, self.seeds_, self.frames_, completed, self.small_seeds_)
         growing = self._growing
+        growing.draw = self.seed  # as it is set now, and in the map's file
         with not_stopped():  # half a scan's votes can't be taken back
             growing.add(cloud)
             self.seeds_, self.small_seeds_, self.frames_ = growing.seeds, growing.small_seeds, growing.frames
