@@ -223,3 +223,15 @@ def test_a_seed_that_is_set_counts_where_a_map_grows(room, tmp_path):
         streamed(each, parts[2:])
     np.testing.assert_array_equal(loaded.seeds_, mapper.seeds_)
     assert not np.array_equal(same.seeds_, mapper.seeds_)
+
+
+def test_what_has_grown_is_pickled_once(place):
+    mapper, parts = streamed(HilbertMap(network(place.dimension)), clouds(place)[:4]), clouds(place)[4:6]
+    assert pickle.dumps(mapper).count(mapper.grids_.tobytes()) == 1
+    again = pickle.loads(pickle.dumps(mapper))
+    assert np.shares_memory(again.grids_, again._growing.completed.value)
+    for part in parts:
+        for each in (mapper, again):
+            add(each, part)
+    for ours, theirs in zip(answers(again, queries_of(place)), answers(mapper, queries_of(place)), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
