@@ -1,13 +1,18 @@
 """The examples of docs/extending.md, executed."""
 
 import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
+from hilbertvae.commands.configuration import CONF, to_settings
+from hilbertvae.commands.overrides import refuse_ignored
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reconstruction.networks import NETWORKS
@@ -15,7 +20,10 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.report import Report
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.scoring.protocol import Protocol, evaluate
+from hilbertvae.training.reconstruction_module import ReconstructionModule
 from hilbertvae.training.scoring import score
+from hilbertvae.training.trainer_settings import TrainerSettings
+from toy_rooms import room_log
 
 TEXT = (Path(__file__).parents[2] / "docs/extending.md").read_text(encoding="utf-8")
 PYTHON = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
@@ -79,3 +87,24 @@ def test_the_network_is_scored_with_pictures_as_the_package_s_own_are(executed, 
     assert list(read_result(tmp_path / "result.json")[0].scores) == ["cae-hm"]  # nothing is sampled
     pictures = {path.stem for path in (tmp_path / "pictures").glob("*.png")}
     assert {"map", "pipeline", "reconstructions"} <= pictures and "prior" not in pictures
+
+
+def test_a_training_goes_on_from_a_network_by_the_command_of_the_page(tmp_path, monkeypatch, recwarn):
+    """Up to its first step: the network and the boxes fit, at the rate that the page tells."""
+    monkeypatch.chdir(tmp_path)
+    for seed, day in enumerate(("monday", "tuesday", "friday", "sunday")):
+        room_log(tmp_path / f"{day}.log", seed=seed)
+    (command,) = re.findall(r"^hilbertvae-train .*trainer.initial=.*$", TEXT, re.MULTILINE)
+    words = shlex.split(re.sub(r"drives/(\w+)", r"\1.log", command))[1:]
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        settings = to_settings(compose("config", overrides=words))
+        rate = to_settings(compose("config", overrides=["experiment=shipped_3d"])).trainer.learning_rate
+    refuse_ignored(settings, words)
+    settings.check()
+    module = ReconstructionModule(settings)
+    module.start_from(settings.trainer.initial)
+    given = Reconstructor.load("2d")
+    assert all(torch.equal(given.network.state_dict()[name], weights) for name, weights in module.network.state_dict().items())
+    assert (settings.grid, settings.likelihood) == (given.grid, given.likelihood) and not recwarn
+    assert f"trainer.learning_rate={settings.trainer.learning_rate:.0e}`".replace("e-04", "e-4") in TEXT
+    assert (rate, TrainerSettings().learning_rate) == (1e-3, 4e-3) and "the default, 4e-3" in TEXT and "at 1e-3" in TEXT

@@ -3,10 +3,9 @@
 from dataclasses import replace
 
 import pytest
-from hydra import compose, initialize_config_dir
+from composed_settings import key_of, settings_of
 
 from hilbertvae.checks import InputError
-from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.overrides import refuse_ignored
 from hilbertvae.commands.run import identity, run
 from hilbertvae.files import file_sha256
@@ -15,16 +14,6 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.training.learned_as import KEY
 from toy_rooms import tiny_reconstructor
-
-
-def settings_of(*overrides: str):
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return to_settings(compose("config", overrides=list(overrides)))
-
-
-def key_of(word: str) -> str:
-    """`a.b` of `++a.b=1` and of `a={b: 1}`."""
-    return word.lstrip("+").replace("={", ".").split(":")[0].split("=")[0]
 
 
 @pytest.fixture(scope="module")

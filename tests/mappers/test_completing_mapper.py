@@ -1,3 +1,5 @@
+import shutil
+
 import numpy as np
 import pytest
 from sklearn.base import clone
@@ -84,6 +86,30 @@ def test_it_goes_on_with_the_network_that_learned(room, tmp_path):
         load_map(path).partial_fit(part.points, part.occupied, part.weight)
     learned = fit(found.set_params(adapt_steps=1), room.fit)
     assert learned.adapted_.fingerprint() != mapper.adapted_.fingerprint()
+
+
+def test_a_loaded_map_takes_the_network_that_learned_along(room, tmp_path):
+    """Where it is saved, it can grow, unless another map's network is there."""
+    mapper, part = fit(HilbertMap(tiny_reconstructor(), adapt_steps=2), room.fit), room.fit.select(slice(200))
+    folders = [tmp_path / name for name in ("first", "second", "taken")]
+    for folder in folders:
+        folder.mkdir()
+    save_map(mapper, folders[0] / "map.safetensors")
+    mapper.adapted_.save(folders[0] / "adapted.safetensors")
+    for folder in folders[:2]:  # where it lies nothing is to be done
+        save_map(load_map(folders[0]), folder / "map.safetensors")
+    queries = queries_of(room)
+    again = load_map(folders[1]).partial_fit(part.points, part.occupied, part.weight)
+    np.testing.assert_array_equal(
+        again.predict_proba(queries), mapper.partial_fit(part.points, part.occupied, part.weight).predict_proba(queries)
+    )
+    others = tiny_reconstructor(seed=1).save(folders[2] / "adapted.safetensors").read_bytes()
+    with pytest.warns(UserWarning, match="taken/adapted.safetensors: holds another network than the map's.*checkpoint='.*first"):
+        save_map(load_map(folders[0]), folders[2] / "map.safetensors")
+    assert (folders[2] / "adapted.safetensors").read_bytes() == others
+    shutil.copy(folders[2] / "adapted.safetensors", folders[0])  # no longer the map's: what is there isn't taken along
+    save_map(load_map(folders[0]), tmp_path / "map.safetensors")
+    assert not (tmp_path / "adapted.safetensors").exists()
 
 
 @pytest.mark.parametrize("steps", [-1, 1.5, True, "many"])

@@ -13,6 +13,7 @@ from hilbertvae.clusters.clusters import Clusters, search_tree
 from hilbertvae.grids.cluster_grids import GridSettings, bin_detailed, bin_grids, frames_of
 from hilbertvae.grids.frame import FrameSettings
 from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.saved_map import load_map, save_map
 from toy_rooms import tiny_grid
 
 
@@ -209,3 +210,28 @@ def test_how_likely_a_place_is_known_is_a_probability_between_cells(place):
     mapper.known_[:] = 255
     found = mapper.known(queries_of(place, 4000))
     assert found.max() == 1.0 and found.min() >= 0.0
+
+
+def test_a_seed_that_is_set_counts_where_a_map_grows(room, tmp_path):
+    """In memory, as in what was saved of it."""
+    parts, made = clouds(room)[:6], network(2)
+    checkpoint = made.save(tmp_path / "model.safetensors")
+    same, mapper = (streamed(HilbertMap(made, inner_radius_m=0.4), parts[:2]) for _ in range(2))
+    mapper.set_params(seed=7)
+    loaded = load_map(save_map(mapper, tmp_path / "site.map"), checkpoint=checkpoint)
+    for each in (same, mapper, loaded):
+        streamed(each, parts[2:])
+    np.testing.assert_array_equal(loaded.seeds_, mapper.seeds_)
+    assert not np.array_equal(same.seeds_, mapper.seeds_)
+
+
+def test_what_has_grown_is_pickled_once(place):
+    mapper, parts = streamed(HilbertMap(network(place.dimension)), clouds(place)[:4]), clouds(place)[4:6]
+    assert pickle.dumps(mapper).count(mapper.grids_.tobytes()) == 1
+    again = pickle.loads(pickle.dumps(mapper))
+    assert np.shares_memory(again.grids_, again._growing.completed.value)
+    for part in parts:
+        for each in (mapper, again):
+            add(each, part)
+    for ours, theirs in zip(answers(again, queries_of(place)), answers(mapper, queries_of(place)), strict=True):
+        np.testing.assert_array_equal(ours, theirs)

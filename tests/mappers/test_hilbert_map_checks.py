@@ -139,6 +139,9 @@ def test_bad_queries_are_named(room, queries, message):
         ({"resolution_m": -1}, "resolution_m: expected a positive number, got -1"),
         ({"resolution_m": "a"}, "resolution_m: expected a positive number, got 'a'"),
         ({"device": "gpu"}, "device: expected cpu, or cuda where there is one, got 'gpu'"),
+        ({"device": None}, "device: expected cpu, or cuda where there is one, got None"),
+        ({"device": "meta"}, "device: expected cpu, or cuda where there is one, got 'meta'"),
+        ({"device": 0}, "device: expected cpu, or cuda where there is one, got 0"),
     ],
 )
 def test_bad_parameters_are_named(room, parameters, message):

@@ -5,6 +5,7 @@ from sklearn.exceptions import NotFittedError
 import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.reconstruction.reconstructor import Reconstructor
 from toy_rooms import tiny_reconstructor
 
 
@@ -46,3 +47,25 @@ def test_settings_of_no_mapper(tmp_path):
     path = tiny_reconstructor().save(tmp_path / "model.safetensors")
     with pytest.raises(TypeError, match="colour"):
         hilbertvae.load_mapper(path, colour="red")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"unseen": [0.1, 0.2]}, r"weights.voxels.everywhere: expected \(2,\) finite numbers, got shape \(6,\)"),
+        ({"unseen": 0.1}, r"weights.voxels.unseen: expected \(1,\) finite numbers, got shape \(\)"),
+        ({"everywhere": [0.1]}, "weights.voxels.everywhere: expected"),
+        ({"beyond": [0.1]}, "weights.voxels.beyond: expected"),
+        ({"spread": [0.1]}, "weights.voxels: "),
+        ({"louder": 1.0}, "weights.voxels: .*learned by another version"),
+    ],
+)
+def test_weights_that_are_no_map_s_are_refused_by_the_name_of_the_file(tmp_path, room, change, message):
+    """And where a map is made with a network that was read otherwise."""
+    made = tiny_reconstructor()
+    made.map_weights = {"voxels": {**Reconstructor.load("2d").map_weights["voxels"], **change}}
+    path = made.save(tmp_path / "model.safetensors")
+    with pytest.raises(InputError, match=f"model.safetensors: {message}"):
+        hilbertvae.load_mapper(path)
+    with pytest.raises((InputError, TypeError)):
+        HilbertMap(made).fit(room.fit.points, room.fit.occupied, room.fit.weight)

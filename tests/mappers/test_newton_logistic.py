@@ -6,6 +6,7 @@ from scipy.optimize import minimize
 from scipy.sparse import csr_matrix
 from sklearn.linear_model import LogisticRegression
 
+from hilbertvae.checks import InputError
 from hilbertvae.mappers.newton_logistic import logistic_weights
 
 
@@ -95,3 +96,11 @@ def test_a_strong_ridge_leads_to_its_aim(towards):
     x, y = problem()
     found = logistic_weights(x, y, nobody(), ridge=1e7, towards=np.full(4, towards))
     np.testing.assert_allclose(found, towards, atol=1e-3)
+
+
+@pytest.mark.parametrize("broken", [np.nan, np.inf])
+def test_features_that_are_not_finite_give_no_weights(broken):
+    features = np.random.default_rng(0).normal(size=(20, 2))
+    features[3, 1] = broken
+    with pytest.raises(InputError, match="logistic weights: expected finite features"), np.errstate(invalid="ignore"):
+        logistic_weights(features, features[:, 0] > 0, nonnegative=[])

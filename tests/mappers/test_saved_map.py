@@ -168,6 +168,13 @@ def test_growing_without_the_network_says_how_to_give_it(tmp_path, room):
         found.partial_fit([[0.0, 0.0]], [True])
 
 
+def test_a_checkpoint_that_is_not_there_is_told_of_at_once(tmp_path, room):
+    """And not when the map first grows."""
+    path = save_map(fit(HilbertMap(network()), room.fit), tmp_path / "site.map")
+    with pytest.raises(InputError, match="checkpoint: expected a model.safetensors, or one of 2d, .*, got nowhere.safetensors"):
+        load_map(path, checkpoint="nowhere.safetensors")
+
+
 def test_what_cannot_be_saved(tmp_path, room):
     with pytest.raises(InputError, match="site.map: expected a HilbertMap to save, got NearestMapper"):
         save_map(fit(NearestMapper(), room.fit), tmp_path / "site.map")

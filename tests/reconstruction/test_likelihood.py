@@ -18,6 +18,7 @@ from hilbertvae.reconstruction.likelihood import (
     known_nll,
 )
 from hilbertvae.reconstruction.settings import LIKELIHOOD_KINDS, LikelihoodSettings
+from toy_rooms import tiny_reconstructor
 
 
 def random_case(seed=0, shape=(3, 4, 4)):
@@ -164,3 +165,11 @@ def test_no_power_counts_cells():
 def test_a_power_that_is_none_is_named(power):
     with pytest.raises(InputError, match=r"likelihood.vote_power: expected a power in \[0, 1\]"):
         LikelihoodSettings(vote_power=power)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e5])
+def test_kernel_values_that_no_map_can_keep_are_told_of(monkeypatch, value):
+    """By the likelihood that gave them: somebody's own may not clip them."""
+    monkeypatch.setattr(LIKELIHOODS["bernoulli"], "kernel_value", staticmethod(lambda output: output.float() * 0 + value))
+    with pytest.raises(InputError, match="likelihood.kind=bernoulli: expected finite kernel values of at most 65504, got"):
+        tiny_reconstructor().complete(np.zeros((2, 16, 16), np.int8))

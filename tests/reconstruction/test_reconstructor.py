@@ -2,6 +2,7 @@ import copy
 import json
 import os
 import pickle
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -144,6 +145,19 @@ def test_a_safetensors_file_of_others(tmp_path, metadata):
         Reconstructor.load(path)
 
 
+@pytest.mark.parametrize(
+    ("found", "message"),
+    [
+        ("hilbertvae-reconstructor-2", "a network of another version (hilbertvae-reconstructor-2), expected hilbertvae-reconstructor-1"),
+        ("hilbertvae-map-2", "a map, which load_map reads; expected a network"),
+    ],
+)
+def test_a_file_of_ours_that_is_no_checkpoint_of_this_version(tmp_path, found, message):
+    save_file({"weight": torch.zeros(3)}, tmp_path / "ours.safetensors", metadata={"format": found})
+    with pytest.raises(InputError, match=re.escape(f"ours.safetensors: {message}")):
+        Reconstructor.load(tmp_path / "ours.safetensors")
+
+
 def forged(path, change):
     """The checkpoint at `path` with its settings changed by `change`."""
     with safe_open(path, framework="pt") as file:
@@ -174,6 +188,7 @@ def forged(path, change):
         lambda described: {**described, "weights": {"voxels": [1]}},
         lambda described: {**described, "weights": {"voxels": {"unseen": ["a"]}}},
         lambda described: {**described, "weights": {"voxels": {"unseen": [float("nan")]}}},
+        lambda described: {**described, "weights": {"pixels": {"unseen": [0.1]}}},
         lambda described: {**described, "card": None},
         lambda described: json.dumps(described).replace('"dimension": 2', '"dimension": ' + "2" * 5000),
     ],

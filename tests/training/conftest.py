@@ -3,6 +3,7 @@ import pytest
 import torch
 from training_toys import tiny_settings
 
+from hilbertvae.training.reconstruction_module import ReconstructionModule
 from hilbertvae.training.train import train
 
 
@@ -26,3 +27,13 @@ def finished(tmp_path_factory, cache):
     settings = tiny_settings(tmp_path_factory.mktemp("runs") / "whole", cache)
     with joblib.parallel_config(backend="threading"):
         return settings, train(settings)
+
+
+@pytest.fixture
+def logged(monkeypatch):
+    """What a module logs, by name, without a trainer."""
+    values = {}
+    monkeypatch.setattr(
+        ReconstructionModule, "log", lambda self, name, value, **about: values.__setitem__(name, float(torch.as_tensor(value).detach()))
+    )
+    return values

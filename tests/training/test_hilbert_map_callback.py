@@ -30,7 +30,7 @@ def card_after(settings, tmp_path, monkeypatch):
 
     def card(callback):
         best = SimpleNamespace(best_model_path=tmp_path / "best.ckpt")
-        trainer = SimpleNamespace(interrupted=False, is_global_zero=True, checkpoint_callback=best)
+        trainer = SimpleNamespace(interrupted=False, is_global_zero=True, checkpoint_callback=best, callbacks=[callback])
         callback.on_fit_end(trainer, SimpleNamespace(network=network))
         return Reconstructor.load(callback.checkpoint).card
 

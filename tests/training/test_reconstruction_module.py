@@ -5,37 +5,13 @@ import lightning as L
 import pytest
 import torch
 from torch.nn import functional as F
-from training_toys import TRAINER, tiny_settings
+from training_toys import TRAINER, module_of, pairs, tiny_settings
 
 from hilbertvae.checks import InputError
 from hilbertvae.reconstruction.augmentation import augment
 from hilbertvae.reconstruction.likelihood import Bernoulli, free_bits, kl_divergence, known_nll
-from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.settings import AugmentationSettings, ConditionalNetworkSettings, LikelihoodSettings
 from hilbertvae.training.reconstruction_module import ReconstructionModule
-from toy_rooms import tiny_reconstructor
-
-
-@pytest.fixture
-def logged(monkeypatch):
-    values = {}
-    monkeypatch.setattr(
-        ReconstructionModule, "log", lambda self, name, value, **about: values.__setitem__(name, float(torch.as_tensor(value).detach()))
-    )
-    return values
-
-
-def module_of(step=0, **changes):
-    torch.manual_seed(0)
-    module = ReconstructionModule(tiny_settings("run", "cache", **changes))
-    module.__class__ = type("At", (ReconstructionModule,), {"global_step": step})
-    return module
-
-
-def pairs(batch=8):
-    generator = torch.Generator().manual_seed(1)
-    target = torch.randint(-1, 2, (batch, 16, 16), generator=generator).to(torch.int8)
-    return torch.where(torch.rand(target.shape, generator=generator) < 0.3, torch.zeros_like(target), target), target
 
 
 @pytest.mark.parametrize(("step", "weight"), [(0, 0.0), (1, 1.0), (7, 1.0)])
@@ -79,55 +55,6 @@ def test_a_network_that_does_not_say_what_would_be_known_pays_nothing_for_it(log
     settings = tiny_settings("run", "cache")
     loss = module_of(5, network=replace(settings.network, variational=False, known=False)).train().training_step(pairs(), 0)
     assert "train/known_nll_per_grid" not in logged and loss.item() == pytest.approx(logged["train/nll_per_grid"])
-
-
-@pytest.mark.parametrize("known", [False, True])
-def test_a_network_starts_from_anothers_weights(tmp_path, known):
-    """From an older one too, that does not say what would be known: that output starts afresh."""
-    path = tiny_reconstructor(seed=5, stem=2, channels=[4, 8], blocks=[1, 1], latent=3, known=known).save(tmp_path / "model.safetensors")
-    module = module_of()
-    before = {name: weights.clone() for name, weights in module.network.state_dict().items()}
-    module.start_from(str(path))
-    found, after = Reconstructor.load(path).network.state_dict(), module.network.state_dict()
-    assert all(torch.equal(after[name], found.get(name, before[name])) for name in after)
-    assert any(not torch.equal(after[name], before[name]) for name in found)
-
-
-def test_a_network_of_another_shape_is_no_start(tmp_path):
-    path = tiny_reconstructor(stem=2, channels=[4, 6], blocks=[1, 1], latent=3).save(tmp_path / "model.safetensors")
-    with pytest.raises(InputError, match="trainer.initial: .*model.safetensors has another network"):
-        module_of().start_from(str(path))
-
-
-@pytest.mark.parametrize("channels", [[8], [4, 8], [8, 12]])
-def test_a_network_of_another_dimension_is_no_start(tmp_path, channels):
-    """Also where its settings are those of a narrower one, or one with a coarser stem."""
-    path = tiny_reconstructor(3, stem=4, channels=channels, blocks=[1] * len(channels), latent=3).save(tmp_path / "model.safetensors")
-    settings = tiny_settings("run", "cache")
-    module = module_of(network=replace(settings.network, stem=2, channels=[9, *channels], blocks=[1] * (len(channels) + 1), latent=3))
-    with pytest.raises(InputError, match="trainer.initial: .*model.safetensors is a network of 3D, expected 2D"):
-        module.start_from(str(path))
-
-
-def test_a_wider_network_goes_on_from_one_that_was_trained(tmp_path):
-    path = tiny_reconstructor(stem=2, channels=[16, 32], blocks=[1, 1], latent=3).save(tmp_path / "model.safetensors")
-    settings = tiny_settings("run", "cache")
-    module = module_of(network=replace(settings.network, stem=2, channels=[32, 48], blocks=[1, 1], latent=3)).eval()
-    module.start_from(str(path))
-    shown = pairs()[0]
-    with torch.inference_mode():
-        said = Reconstructor.load(path).network.eval()(shown).output
-        torch.testing.assert_close(module.network(shown).output, said, rtol=1e-4, atol=1e-5)
-
-
-def test_a_network_with_half_the_stem_goes_on_from_one_that_was_trained(tmp_path, logged):
-    path = tiny_reconstructor(stem=4, channels=[8, 12], blocks=[1, 1], latent=3).save(tmp_path / "model.safetensors")
-    settings = tiny_settings("run", "cache")
-    module = module_of(network=replace(settings.network, stem=2, channels=[9, 8, 12], blocks=[1, 1, 1], latent=3))
-    module.start_from(str(path))
-    shown, _ = pairs()
-    network = Reconstructor.load(path).network.eval()
-    torch.testing.assert_close(module.network.eval()._down(shown)[0], network._down(shown)[0], rtol=1e-4, atol=1e-5)
 
 
 def test_a_step_draws_from_seed_and_step_alone(logged):
@@ -191,6 +118,25 @@ def test_a_network_of_one_s_own_gives_known_if_its_settings_say_so(monkeypatch, 
         module.train().training_step(pairs(), 0)
 
 
+@pytest.mark.parametrize("kind", ["bernoulli", "gaussian"])
+@pytest.mark.parametrize(("change", "expected"), [
+    (lambda found: found.output, "to give a Reconstruction, got Tensor"),
+    (lambda found: (found.output,), "to give a Reconstruction, got tuple"),
+    (lambda found: replace(found, output=found.output.unsqueeze(1)), r"`output` of shape \(8, 16, 16\), .*, got \(8, 1, 16, 16\)"),
+    (lambda found: replace(found, output=found.output[:, :-1]), r"`output` of shape \(8, 16, 16\), as the grids', got \(8, 15, 16\)"),
+    (lambda found: replace(found, output=None), "`output` of shape .*, got NoneType"),
+    (lambda found: replace(found, known=found.known[:, :1]), "`known` of shape .*, got "),
+])  # fmt: skip
+def test_a_network_of_one_s_own_gives_a_reconstruction_of_the_grids_shape(monkeypatch, logged, kind, change, expected):
+    """Else torch says something of its own, or repeats what it has, and the network learns nonsense."""
+    module = module_of(likelihood=LikelihoodSettings(kind=kind))
+    forward = module.network.forward
+    monkeypatch.setattr(module.network, "forward", lambda shown: change(forward(shown)))
+    for step in (module.train().training_step, module.eval().validation_step):
+        with pytest.raises(InputError, match=f"network: expected GatedNetwork.forward .*{expected}"):
+            step(pairs(), 0)
+
+
 class Broken(ReconstructionModule):
     """Whose gradients of some steps are not finite."""
 
@@ -244,20 +190,6 @@ def test_the_learning_rate_rises_and_falls_as_a_cosine():
 def test_hyper_parameters_are_plain():
     module = module_of()
     assert dict(module.hparams)["settings"] == asdict(module.settings)
-
-
-def test_a_detailed_network_starts_from_one_that_was_shown_labels(tmp_path, logged):
-    """What else it is shown has no weight yet: it goes on as it was, and learns from all."""
-    path = tiny_reconstructor(seed=5, stem=2, channels=[4, 8], blocks=[1, 1], latent=3).save(tmp_path / "model.safetensors")
-    settings = tiny_settings("run", "cache")
-    module = module_of(network=replace(settings.network, encoding="detailed"))
-    module.start_from(str(path))
-    labels, _ = pairs()
-    shown = torch.cat([labels.unsqueeze(1), (20 * labels.abs()).unsqueeze(1).repeat(1, 4, 1, 1)], dim=1)
-    network = Reconstructor.load(path).network.eval()
-    torch.testing.assert_close(module.network.eval()(shown).output, network(labels).output)
-    module.train().training_step((shown, pairs()[1]), 0).backward()
-    assert module.network.stem.weight.grad[:, 2:].any()
 
 
 def test_votes_weigh_cells_in_training_and_not_in_validation(logged):

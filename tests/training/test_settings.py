@@ -59,7 +59,7 @@ def test_simulated_sites_follow_the_first():
         ({"trainer": TrainerSettings(optimizer="adam")}, "trainer.optimizer"),
         ({"trainer": TrainerSettings(validation_grids=0)}, "trainer.validation_grids"),
         ({"trainer": TrainerSettings(kl_warmup_share=0.1)}, "trainer.kl_warmup_share: expected a share from 0.2 to 1, got 0.1"),
-        ({"trainer": TrainerSettings(initial="gone.safetensors")}, "trainer.initial: expected a model.safetensors, got gone.safetensors"),
+        ({"trainer": TrainerSettings(initial="gone.safetensors")}, "trainer.initial: expected a model.safetensors, or one of 2d, 3d, "),
         ({"trainer": TrainerSettings(warmup_share=3.0)}, "trainer.warmup_share: expected a share in"),
         ({"trainer": TrainerSettings(free_nats=-1.0)}, "trainer.free_nats: expected a number from 0 on, got -1"),
         ({"trainer": TrainerSettings(patience_epochs=-1)}, "trainer.patience_epochs"),

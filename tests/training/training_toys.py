@@ -1,13 +1,16 @@
-"""Settings of runs that take seconds, what names their grids, and a mapper that takes its time."""
+"""Settings of runs that take seconds, what names their grids, batches, and a mapper that takes its time."""
 
 import time
 from dataclasses import replace
+
+import torch
 
 from hilbertvae.grids.training_grids import ClusteringSettings
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reconstruction.settings import AugmentationSettings, GatedNetworkSettings
 from hilbertvae.scoring.protocol import Protocol
 from hilbertvae.training.kept_grids import grids_hash
+from hilbertvae.training.reconstruction_module import ReconstructionModule
 from hilbertvae.training.scoring import score
 from hilbertvae.training.settings import DataSettings, Settings, TrainerSettings
 from toy_rooms import tiny_grid
@@ -65,3 +68,18 @@ def changed(settings, key, value):
     """`settings` with the value at a dotted key."""
     head, _, rest = key.partition(".")
     return replace(settings, **{head: changed(getattr(settings, head), rest, value) if rest else value})
+
+
+def module_of(step=0, **changes) -> ReconstructionModule:
+    """That of `tiny_settings` with the same fresh weights each time, which believes that it is at `step`."""
+    torch.manual_seed(0)
+    module = ReconstructionModule(tiny_settings("run", "cache", **changes))
+    module.__class__ = type("At", (ReconstructionModule,), {"global_step": step})
+    return module
+
+
+def pairs(batch=8) -> tuple[torch.Tensor, torch.Tensor]:
+    """Noise of codes, and the same with three cells in ten hidden, which is shown."""
+    generator = torch.Generator().manual_seed(1)
+    target = torch.randint(-1, 2, (batch, 16, 16), generator=generator).to(torch.int8)
+    return torch.where(torch.rand(target.shape, generator=generator) < 0.3, torch.zeros_like(target), target), target

@@ -29,6 +29,8 @@ OF_ANOTHER_SPACE = {
     3: (("data.simulated_scans", "data.simulated_extent_m", "data.simulated_variety"), "simulated sites are what `data.street` says"),
 }
 """By `dimension` the settings of sites that aren't drawn in it, and why."""
+COUNTED = ("detailed", "shares")
+"""Encodings that show counts, as `is_detailed` has it, which would wait for torch."""
 
 
 def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
@@ -109,3 +111,22 @@ def _typed_keys(overrides: list[str]) -> Iterator[str]:
 def _learns_weights(mapper: dict | None) -> bool:
     """Whether a configured map has a network, and boxes that lie or answer otherwise than those its weights were learned for."""
     return bool(mapper and mapper.get("reconstructor") and LEARN_ANEW & {*mapper})
+
+
+def refuse_idle(settings: Settings, overrides: list[str]) -> None:
+    """An `InputError` for a typed setting of a training that another one makes idle. Not for a multirun, where one of its jobs may use what
+    others don't."""
+    network, kind = settings.network, settings.likelihood.kind
+    shown = getattr(network, "encoding", None)
+    idle = (
+        (("likelihood.vote_power", "likelihood.observed_weight", "likelihood.masked"), kind == "gaussian",
+         "likelihood.kind=gaussian, to which all cells count alike"),
+        (("trainer.kl_weight", "trainer.free_nats", "trainer.kl_warmup_share"), getattr(network, "variational", True) is False,
+         "network.variational=false, which pays no KL"),
+        (("likelihood.known_weight",), not getattr(network, "known", False),
+         "network.known=false" if hasattr(network, "known") else f"network.kind={network.kind}, which does not say what would be known"),
+        (("augmentation.count_factor",), shown not in COUNTED, f"network.encoding={shown}, which shows no counts"),
+    )  # fmt: skip
+    for key in _typed_keys(overrides):
+        if why := next((why for theirs, holds, why in idle if holds and key in theirs), None):
+            raise InputError(f"{key}: expected none with {why}")

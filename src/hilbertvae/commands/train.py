@@ -18,7 +18,7 @@ from hilbertvae.commands.clustering_study import has_study, run_clustering, writ
 from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.gpus import give_gpus, remember_gpus, see_remembered_gpus
 from hilbertvae.commands.hydra_files import HydraFiles
-from hilbertvae.commands.overrides import refuse_ignored
+from hilbertvae.commands.overrides import refuse_idle, refuse_ignored
 from hilbertvae.commands.run import run
 from hilbertvae.reports.run_lock import alone_in
 from hilbertvae.reports.run_state import allow, has_result, write_failure, write_refusal
@@ -54,6 +54,8 @@ def _application(config: DictConfig) -> None:
             give_gpus(config.trainer.devices)  # first of all, since to check `device` is to use a GPU
         settings = to_settings(config)
         refuse_ignored(settings, list(job.overrides.task))
+        if not many:
+            refuse_idle(settings, list(job.overrides.task))
         settings.output = output
         if "SlurmLauncher" in launcher and settings.trainer.devices > 1:  # of which Lightning wants SLURM to start one process each
             raise InputError(

@@ -16,6 +16,9 @@ from hilbertvae.mappers.growing_clusters import GrowingClusters
 from hilbertvae.reconstruction.completion import Completion
 from hilbertvae.signals import not_stopped
 
+GROWN = ("seeds_", "small_seeds_", "frames_", "grids_", "known_")
+"""What a map shows of its growing clusters."""
+
 
 class GrowingMapper(CompletingMapper):
     """Base of `HilbertMap`, which has `_start`; `fit` and `load_map` set the same attributes as this."""
@@ -68,10 +71,26 @@ class GrowingMapper(CompletingMapper):
             settings = self.grid_, self.detailed_, self.seed
             self._growing = GrowingClusters(self.evidence_, *settings, self.seeds_, self.frames_, completed, self.small_seeds_)
         growing = self._growing
+        growing.draw = self.seed  # as it is set now, and in the map's file
         with not_stopped():  # half a scan's votes can't be taken back
             growing.add(cloud)
-            self.seeds_, self.small_seeds_, self.frames_ = growing.seeds, growing.small_seeds, growing.frames
-            self.grids_, self.known_ = growing.completed.value, growing.completed.known
+            self._show_grown()
+
+    def _show_grown(self) -> None:
+        """The clusters and grids as they have grown, without a copy."""
+        growing = self._growing
+        self.seeds_, self.small_seeds_, self.frames_ = growing.seeds, growing.small_seeds, growing.frames
+        self.grids_, self.known_ = growing.completed.value, growing.completed.known
+
+    def __getstate__(self) -> dict:
+        """What has grown once, and not also as it is shown."""
+        state = super().__getstate__()
+        return state if self._growing is None else {name: value for name, value in state.items() if name not in GROWN}
+
+    def __setstate__(self, state: dict) -> None:
+        super().__setstate__(state)
+        if self._growing is not None and not hasattr(self, "grids_"):  # older pickles have both
+            self._show_grown()
 
     def _check_whole(self) -> None:
         """An `InputError` after a scan was added in part, for want of memory."""

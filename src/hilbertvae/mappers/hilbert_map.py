@@ -22,7 +22,7 @@ from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
 from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
-from hilbertvae.mappers.weights import RankWeights, disagreement, unit_weights
+from hilbertvae.mappers.weights import RankWeights, disagreement, learned_weights, unit_weights
 
 if TYPE_CHECKING:  # late: a saved map answers without torch
     from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -133,13 +133,10 @@ class HilbertMap(GrowingMapper):
 
     def _rank_weights(self) -> RankWeights:
         learned = self.reconstructor.map_weights if self.reconstructor else {}
+        features = self.evidence_.feature_count
         if self.weights == "unit" or self.calibration not in learned:  # never learned, or raw grids
-            return unit_weights(self.neighbours, self.evidence_.feature_count)
-        weights = RankWeights.from_plain(learned[self.calibration]).knowing(self.evidence_.feature_count)
-        if len(weights.unseen) != self.neighbours + 1:
-            raise InputError(f"neighbours: the weights were learned for {len(weights.unseen) - 1}, got {self.neighbours}")
-        if len(weights.seen) != self.evidence_.feature_count + 2:
-            raise InputError("checkpoint: the Hilbert Map's weights were learned by another version; train again")
+            return unit_weights(self.neighbours, features)
+        weights = learned_weights(learned[self.calibration], self.neighbours, features, f"the network's weights.{self.calibration}")
         return weights if self.evidence_joins_ else weights.grids_alone()
 
     def _cluster_factors(self, cloud: Cloud) -> np.ndarray:

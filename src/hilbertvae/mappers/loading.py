@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 
+from hilbertvae.checks import InputError
 from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.weights import check_learned
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 
 
@@ -18,4 +20,9 @@ def load_mapper(checkpoint: str | os.PathLike, **settings) -> HilbertMap:
     whether each is occupied, then `.predict_proba(queries)` -> (Q, 2), columns free and occupied. `settings` are the mapper's own, such
     as `calibration="points"`. Raises `InputError` for a file that is missing, damaged or not ours.
     """
-    return HilbertMap(Reconstructor.load(checkpoint), **settings)
+    reconstructor = Reconstructor.load(checkpoint)
+    try:
+        check_learned(reconstructor.map_weights)
+    except InputError as error:
+        raise InputError(f"{checkpoint}: {error}") from error
+    return HilbertMap(reconstructor, **settings)

@@ -6,6 +6,8 @@ import numpy as np
 from scipy.sparse import issparse
 from scipy.special import expit
 
+from hilbertvae.checks import InputError
+
 MOST_STEPS, SMALLEST_PACE = 100, 1e-12
 LIGHT_RIDGE = 1e-3
 """So that features which say the same have one optimum."""
@@ -33,6 +35,8 @@ def logistic_weights(features, occupied, nonnegative, ridge=LIGHT_RIDGE, towards
 
     weights = np.where(bounded, np.maximum(towards, 0.1), 0.0)
     value, margin = loss(weights)
+    if not np.isfinite(value):  # no step would seem to help, and the weights it began with be taken for the optimum
+        raise InputError(f"logistic weights: expected finite features, targets and counts, got a loss of {value}")
     for _ in range(MOST_STEPS):
         wrong = expit(-margin)
         gradient = features.T @ (-sign * counts * wrong) + 2 * (ridge @ (weights - towards))

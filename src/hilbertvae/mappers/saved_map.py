@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from dataclasses import asdict
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from safetensors.numpy import save_file
 from sklearn.utils.validation import check_is_fitted
 
 from hilbertvae.checks import InputError, check_positive
-from hilbertvae.files import atomic
+from hilbertvae.files import atomic, copy_file, file_sha256
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.frame import Frames
 from hilbertvae.mappers.hilbert_map import HilbertMap
@@ -21,8 +22,9 @@ from hilbertvae.mappers.map_arrays import EVIDENCE, map_arrays
 from hilbertvae.mappers.octomap_mapper import OCTREES, OctoMapMapper, read_octree
 from hilbertvae.mappers.packed_array import pack, unpack
 from hilbertvae.mappers.saved_evidence import evidence_of
-from hilbertvae.mappers.weights import NAMES, RankWeights, unit_weights
+from hilbertvae.mappers.weights import RankWeights
 from hilbertvae.reconstruction.recorded_network import RecordedNetwork
+from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
 
 FORMAT = "hilbertvae-map-2"
 PACKED = ("grids", "known")
@@ -40,8 +42,8 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
 
     It holds grids and evidence, and not the network, of which a fingerprint is enough for those that come with the package. One that
     learned from the site (`adapt_steps`) is not: `mapper.adapted_.save(path)` keeps it, for a map that is to grow later, and `load_map`
-    finds it if it is `adapted.safetensors` beside the map. What the cells of grids hold is packed. Raises `InputError` for any other
-    mapper, and for a name that ends as an OctoMap's does.
+    finds it if it is `adapted.safetensors` beside the map; a loaded map's is copied along. What the cells of grids hold is packed. Raises
+    `InputError` for any other mapper, and for a name that ends as an OctoMap's does.
     """
     if Path(path).suffix.lower() in OCTREES:  # which `load_map` would take it for
         raise InputError(f"{path}: expected a name that does not end in {' or '.join(OCTREES)}, as OctoMap's files do")
@@ -78,7 +80,18 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
             save_file(arrays, temporary, metadata=metadata)
         except SafetensorError as error:  # a full disk, for instance
             raise OSError(str(error)) from error  # which `atomic` names the file of
+    if isinstance(network, RecordedNetwork) and (beside := network.kept_beside()):
+        _carry(beside, Path(path).parent / ADAPTED)
     return Path(path)
+
+
+def _carry(beside: Path, there: Path) -> None:
+    """Copy the network that learned from the site to where the map was saved, unless another map's is there, which would be lost."""
+    if not there.exists():
+        copy_file(beside, there)
+    elif file_sha256(there) != file_sha256(beside):
+        ways = f"to go on with the map, give its own: load_map(path, checkpoint={str(beside)!r})"
+        warnings.warn(f"{there}: holds another network than the map's, and stays; {ways}", stacklevel=3)
 
 
 def map_path(path: str | os.PathLike) -> Path:
@@ -97,6 +110,8 @@ def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = Non
     path = map_path(path)
     if not path.is_file():
         raise InputError(f"{path}: expected a map, found no file")
+    if checkpoint is not None and not checkpoint_path(checkpoint).is_file():  # now: it may first be needed much later
+        raise InputError(f"checkpoint: expected a model.safetensors, or one of {', '.join(SHIPPED)}, got {checkpoint}, which is not there")
     if path.suffix.lower() in OCTREES:
         return read_octree(path)
     try:
@@ -191,16 +206,8 @@ def _put_clusters(mapper: HilbertMap, arrays: dict[str, np.ndarray]) -> None:
 
 
 def _rank_weights(plain: dict, mapper: HilbertMap) -> RankWeights:
-    weights = RankWeights.from_plain(plain).knowing(mapper.evidence_.feature_count)
-    # Unit weights have the shapes of any.
-    wanted = unit_weights(mapper.neighbours, mapper.evidence_.feature_count)
-    for name in NAMES:
-        found, shape = getattr(weights, name), getattr(wanted, name).shape
-        if found.shape != shape or not np.isfinite(found).all():
-            raise InputError(f"rank_weights.{name}: expected {shape} finite numbers, got shape {found.shape}")
-    if not np.isfinite(weights.spread):
-        raise InputError(f"rank_weights.spread: expected a finite number, got {weights.spread!r}")
-    return weights
+    features = mapper.evidence_.feature_count
+    return RankWeights.from_plain(plain).knowing(features).checked(mapper.neighbours, features, "rank_weights")
 
 
 def _feature_names(names: list, dimension: int) -> np.ndarray:

@@ -66,9 +66,20 @@ class RankWeights:
 
     def knowing(self, features: int) -> RankWeights:
         """For evidence of so many features: those that were learned before it had the last `SHARES` don't hear these."""
-        if len(self.seen) + SHARES != features + 2:
+        if np.size(self.seen) + SHARES != features + 2:
             return self
         return replace(self, seen=np.insert(self.seen, len(self.seen) - 2, np.zeros(SHARES)))
+
+    def checked(self, neighbours: int, features: int, key: str) -> RankWeights:
+        """Itself; an `InputError` that begins with `key` for weights that are not those of so many neighbours and features."""
+        wanted = unit_weights(neighbours, features)  # has the shapes of any
+        for name in NAMES:
+            found, shape = getattr(self, name), getattr(wanted, name).shape
+            if found.shape != shape or not np.isfinite(found).all():
+                raise InputError(f"{key}.{name}: expected {shape} finite numbers, got shape {found.shape}")
+        if not np.isfinite(self.spread):
+            raise InputError(f"{key}.spread: expected a finite number, got {self.spread!r}")
+        return self
 
     def grids_alone(self) -> RankWeights:
         """The weights of a map without evidence: the paper's plain sum."""
@@ -114,12 +125,8 @@ class RankWeights:
         if sorted(plain) != sorted((*NAMES, "level", "spread", "occupied_weight")) or not isinstance(plain["level"], bool):
             wanted = ", ".join((*NAMES, "level"))
             raise InputError(f"checkpoint: expected Hilbert Map's weights {wanted}, got {', '.join(plain)}; learned by another version")
-        return cls(
-            **{name: np.asarray(plain[name], float) for name in NAMES},
-            level=plain["level"],
-            spread=float(plain["spread"]),
-            occupied_weight=float(plain["occupied_weight"]),
-        )
+        arrays = {name: np.asarray(plain[name], float) for name in NAMES}
+        return cls(**arrays, level=plain["level"], spread=float(plain["spread"]), occupied_weight=float(plain["occupied_weight"]))
 
 
 def levelled(values: np.ndarray, held: np.ndarray) -> np.ndarray:
@@ -154,6 +161,27 @@ def check_occupied_weight(value: float, name: str) -> float:
     if not 1e-3 <= check_positive(value, name) <= 1e3:
         raise InputError(f"{name}: expected from 0.001 to 1000, got {value!r}")
     return float(value)
+
+
+def learned_weights(plain: dict, neighbours: int, features: int, key: str) -> RankWeights:
+    """A network's plain weights, for a map of so many neighbours and features; an `InputError` where they were learned for others."""
+    weights = RankWeights.from_plain(plain).knowing(features)
+    if weights.unseen.shape == weights.everywhere.shape == (weights.unseen.size,) != (neighbours + 1,):
+        raise InputError(f"neighbours: the weights were learned for {weights.neighbours}, got {neighbours}")
+    if weights.seen.size != features + 2:
+        raise InputError("checkpoint: the Hilbert Map's weights were learned by another version; train again")
+    return weights.checked(neighbours, features, key)
+
+
+def check_learned(learned: dict[str, dict]) -> None:
+    """An `InputError` for plain weights, by reading, that are no map's: else a map fails, or answers nonsense, when it is made."""
+    for reading, plain in learned.items():
+        key = f"weights.{reading}"
+        try:
+            weights = RankWeights.from_plain(plain)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{key}: {error}") from error
+        weights.checked(max(weights.unseen.size - 1, 0), max(weights.seen.size - 2, 0), key)
 
 
 def occupied_weight_of(learned: dict[str, dict]) -> float:

@@ -13,8 +13,10 @@ CPU_FEATURES = ("amx_bf16", "avx512_bf16", "bf16")
 """As `torch.cpu.get_capabilities` calls them, on x86 and on ARM."""
 
 
-def check_device(device: str) -> None:
-    """An `InputError` for a device that torch does not have here."""
+def check_device(device: str | torch.device) -> None:
+    """An `InputError` for a device that torch does not have here, or that computes nothing."""
+    if not isinstance(device, (str, torch.device)) or str(device).partition(":")[0] == "meta":
+        raise InputError(f"device: expected cpu, or cuda where there is one, got {device!r}")
     try:
         torch.empty(0, device=device)
     except (RuntimeError, AssertionError) as error:

@@ -17,6 +17,7 @@ from safetensors.torch import save_file
 from torch import nn
 
 from hilbertvae.checks import InputError, check_cell_m, check_finite
+from hilbertvae.cloud import READINGS
 from hilbertvae.files import atomic
 from hilbertvae.grids.cluster_grids import GridSettings, labels_of
 from hilbertvae.reconstruction.blocks import is_detailed
@@ -31,6 +32,8 @@ from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
 from hilbertvae.reconstruction.symmetry import apply, apply_channels, check_flips, symmetries, undo
 
 FORMAT = "hilbertvae-reconstructor-1"
+LARGEST = float(np.finfo(np.float16).max)
+"""Of a kernel value: in these numbers maps keep them."""
 
 
 @dataclass(repr=False)
@@ -89,7 +92,11 @@ class Reconstructor:
                 portion = slice(start, start + batch)
                 shown = torch.from_numpy(grids[portion]).to(device)
                 found = [(s, network(move(shown, s).contiguous())) for s in chosen]
-                value[portion] = (sum(undo(kernel_value(given.output), s) for s, given in found) / flips).cpu().numpy()
+                mean = sum(undo(kernel_value(given.output), s) for s, given in found) / flips
+                if not mean.abs().max() <= LARGEST:  # a map's weights would be learned of them, and say nothing of it
+                    kind = f"likelihood.kind={self.likelihood.kind}"
+                    raise InputError(f"{kind}: expected finite kernel values of at most {LARGEST:g}, got {mean.abs().max().item():g}")
+                value[portion] = mean.cpu().numpy()
                 if known is not None:
                     share = sum(undo(torch.sigmoid(given.known.float()), s) for s, given in found) / flips
                     seen = labels_of(shown, self.dimension) != 0
@@ -164,9 +171,7 @@ class Reconstructor:
         except (SafetensorError, OSError, ValueError) as error:
             raise InputError(f"{path}: not a checkpoint of hilbertvae, or damaged ({error}); expected a .safetensors file") from error
         if metadata.get("format") != FORMAT:
-            raise InputError(
-                f"{path}: a safetensors file, but not a checkpoint of hilbertvae (format {metadata.get('format')!r}, expected {FORMAT!r})"
-            )
+            raise InputError(f"{path}: {_another(str(metadata.get('format')))}")
         try:
             described = json.loads(metadata["settings"])
             _check_registered(described)
@@ -192,6 +197,14 @@ class Reconstructor:
             raise InputError(f"{path}: the checkpoint's settings and weights don't fit together ({error})") from error
 
 
+def _another(found: str) -> str:
+    if found.startswith("hilbertvae-reconstructor-"):
+        return f"a network of another version ({found[:40]}), expected {FORMAT}"
+    if found.startswith("hilbertvae-map-"):
+        return "a map, which load_map reads; expected a network, as model.safetensors of a training is"
+    return f"a safetensors file, but not a checkpoint of hilbertvae (format {found[:40]!r}, expected {FORMAT!r})"
+
+
 class _Unregistered(Exception):
     """A whole file, of a kind that the code which reads it has not been told of."""
 
@@ -215,6 +228,8 @@ def _check_kept(network: nn.Module, described: dict) -> None:
             raise InputError(f"{key}: expected an object, got {described[key]!r:.60}")
         check_finite(described[key], key)
     for calibration, learned in described["weights"].items():
+        if calibration not in READINGS:
+            raise InputError(f"weights: expected those of {' and '.join(READINGS)}, got {calibration!r:.60}")
         if not isinstance(learned, dict) or not all(map(_is_of_numbers, learned.values())):
             raise InputError(f"weights.{calibration}: expected numbers and flat lists of them, got {learned!r:.60}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -47,6 +48,15 @@ class RecordedNetwork:
             + (f", and is not in {self._beside}" if self._beside else "")
             + "; to go on with it, give its file: load_map(path, checkpoint=...)"
         )
+
+    def kept_beside(self) -> Path | None:
+        """The file beside the map, if it holds this network: who saves the map elsewhere takes it along."""
+        if self._beside and self._beside.is_file():
+            from hilbertvae.reconstruction.reconstructor import Reconstructor  # late: answers need no torch
+
+            with suppress(InputError):  # a damaged one
+                return self._beside if Reconstructor.load(self._beside).fingerprint() == self._fingerprint else None
+        return None
 
     def fingerprint(self) -> str:
         """That of the network."""

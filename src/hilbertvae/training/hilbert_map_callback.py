@@ -16,6 +16,7 @@ from hilbertvae.reports.provenance import made_by
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.training.checkpoints import best_reconstructor
 from hilbertvae.training.devices import filling_device, training_gpu
+from hilbertvae.training.initial_gap import gaps
 from hilbertvae.training.kept_network import KeptNetwork
 from hilbertvae.training.kept_weights import KeptWeights
 from hilbertvae.training.opened_sites import opened_site
@@ -49,7 +50,7 @@ class HilbertMapCallback(L.Callback):
             return
         settings = self.settings
         reconstructor = best_reconstructor(settings, module.network, trainer.checkpoint_callback.best_model_path)
-        reconstructor.card.update(self.began)
+        reconstructor.card.update(self.began | gaps(trainer))
         if torch.cuda.is_available():
             torch.cuda.empty_cache()  # else what the training held is kept from the processes that fill maps
             torch.backends.cudnn.benchmark = False  # maps come in batches of many sizes, and each would be searched for anew

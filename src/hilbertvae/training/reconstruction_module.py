@@ -12,13 +12,11 @@ from torch import Tensor
 from hilbertvae.checks import InputError
 from hilbertvae.grids.cluster_grids import labels_of
 from hilbertvae.reconstruction.augmentation import augment
-from hilbertvae.reconstruction.blocks import HIT_FREE_CHANNELS, Reconstruction
+from hilbertvae.reconstruction.blocks import Reconstruction
 from hilbertvae.reconstruction.conditional_network import ConditionalNetwork
-from hilbertvae.reconstruction.finer_stem import finer_weights, is_finer
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS, active_dimensions, free_bits, kl_divergence, kl_weight, known_nll
 from hilbertvae.reconstruction.networks import build_network
-from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reconstruction.wider_levels import is_wider, wider_weights
+from hilbertvae.training.initial_network import initial_weights
 from hilbertvae.training.optimizers import OPTIMIZERS
 from hilbertvae.training.settings import Settings
 
@@ -36,29 +34,8 @@ class ReconstructionModule(L.LightningModule):
         self._taken = 0
 
     def start_from(self, checkpoint: str) -> None:
-        """Take the weights of a trained network. An `InputError` names the file if its network is another.
-
-        One that was shown labels alone goes on with what else a `detailed` encoding shows at no weight, and so as it was; so does one
-        with fewer channels or blocks (`wider_levels.py`). One with twice the stem becomes the inner levels of this one (`finer_stem.py`).
-        """
-        trained = Reconstructor.load(checkpoint)
-        if trained.dimension != self.settings.dimension:
-            raise InputError(f"trainer.initial: {checkpoint} is a network of {trained.dimension}D, expected {self.settings.dimension}D")
-        found = trained.network.state_dict()
-        if is_finer(self.settings.network, trained.network_settings):
-            found = finer_weights(found, self.network)
-        elif is_wider(self.settings.network, trained.network_settings):
-            found = wider_weights(found, self.network)
-        own = self.network.state_dict()
-        stem, wanted = found.get("stem.weight"), own.get("stem.weight")
-        if stem is not None and wanted is not None and stem.shape[1] == HIT_FREE_CHANNELS < wanted.shape[1]:
-            further = stem.new_zeros(len(stem), wanted.shape[1] - HIT_FREE_CHANNELS, *stem.shape[2:])
-            found = {**found, "stem.weight": torch.cat([stem, further], dim=1)}
-        # What says whether a cell would be known came later than the rest, and older networks don't have it.
-        lacking = [name for name in own if name not in found and not name.startswith("known_head.")]
-        if lacking or any(name not in own or own[name].shape != weights.shape for name, weights in found.items()):
-            raise InputError(f"trainer.initial: {checkpoint} has another network than `network` and `grid.cells` describe")
-        self.network.load_state_dict({**own, **found})
+        """Take the weights of a trained network. An `InputError` names the file if its network is another (`initial_network.py`)."""
+        self.network.load_state_dict(initial_weights(checkpoint, self.settings, self.network))
 
     def training_step(self, batch: tuple[Tensor, Tensor], number: int) -> Tensor:
         trainer = self.settings.trainer
@@ -68,7 +45,7 @@ class ReconstructionModule(L.LightningModule):
         votes = target[:, 1] if self.settings.likelihood.vote_power > 0 else None
         target = labels_of(target, dimension)
         found = self.network(shown, target) if isinstance(self.network, ConditionalNetwork) else self.network(shown)
-        self._check_known(found)
+        self._check_output(found, target)
         shown = labels_of(shown, dimension)
         fit = self.likelihood(found.output, target, shown, votes).mean()
         loss = fit
@@ -91,18 +68,27 @@ class ReconstructionModule(L.LightningModule):
         self.log("train/loss", loss)
         return loss
 
-    def _check_known(self, found: Reconstruction) -> None:
-        """An `InputError` for a network that gives a `known` of which its settings say nothing, and which maps would not ask for; or none
-        where they do."""
+    def _check_output(self, found: Reconstruction, target: Tensor) -> None:
+        """An `InputError` for a network of somebody's own that gives no `Reconstruction`, or an output of another shape than the target's,
+        which a likelihood may take for one by repeating it; and for one that gives a `known` of which its settings say nothing, and which
+        maps would not ask for, or none where they do."""
+        forward = f"{type(self.network).__name__}.forward"
+        if not isinstance(found, Reconstruction):
+            raise InputError(f"network: expected {forward} to give a Reconstruction, got {type(found).__name__}")
+        for name in ("output", "known"):
+            given = getattr(found, name)
+            if (given is not None or name == "output") and (shape := getattr(given, "shape", None)) != target.shape:
+                got = type(given).__name__ if shape is None else tuple(shape)
+                raise InputError(f"network: expected {forward} to give `{name}` of shape {tuple(target.shape)}, as the grids', got {got}")
         asked, given = bool(getattr(self.settings.network, "known", False)), found.known is not None
         if asked != given:
-            what = "gives" if given else "gives no"
-            raise InputError(f"network.known: expected {str(given).lower()}, since {type(self.network).__name__}.forward {what} `known`")
+            raise InputError(f"network.known: expected {str(given).lower()}, since {forward} gives {'' if given else 'no '}`known`")
 
     def validation_step(self, batch: tuple[Tensor, Tensor], number: int) -> None:
         shown, target = batch
         found = self.network(shown)
         shown, target = (labels_of(grids, self.settings.dimension) for grids in (shown, target))
+        self._check_output(found, target)
         removed = (shown == 0) & (target != 0)
         fit = self.likelihood(found.output, target, shown).mean()
         self.log("val/nll_per_grid", fit, batch_size=len(shown))

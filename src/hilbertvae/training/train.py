@@ -30,6 +30,7 @@ from hilbertvae.training.checkpoints import AtomicCheckpoints, MovableCheckpoint
 from hilbertvae.training.devices import check_accelerator, training_device
 from hilbertvae.training.grids_datamodule import GridsDataModule
 from hilbertvae.training.hilbert_map_callback import HilbertMapCallback
+from hilbertvae.training.initial_gap import MONITORED, InitialGap
 from hilbertvae.training.kept_network import KeptNetwork, kept_name
 from hilbertvae.training.opened_sites import opened_site
 from hilbertvae.training.plain_settings import plain_settings
@@ -39,7 +40,7 @@ from hilbertvae.training.settings import Settings
 from hilbertvae.training.site_roles import check_unseen
 from hilbertvae.training.training_folder import begin_anew, check_folder, finished_network, is_of, last_epoch
 
-BEST = {"monitor": "val/gap_nll", "mode": "min"}
+BEST = {"monitor": MONITORED, "mode": "min"}
 DISTRIBUTED = ("LOCAL_RANK", "NODE_RANK", "WORLD_SIZE", "MASTER_ADDR", "MASTER_PORT")
 """What Lightning leaves in the environment after a distributed training. The next one in this process, a job of the same multirun, would
 take it for the word of a cluster that has started its processes already, and wait for them for ever."""
@@ -106,6 +107,8 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
     # One of its own: `save_last` writes only where an epoch was the best so far, and a resumed run would go back to that.
     last = MovableCheckpoint(output / CHECKPOINTS, "last", enable_version_counter=False)
     callbacks = [best, last, after_fit, LearningRateMonitor("step"), TQDMProgressBar(refresh_rate=10)]
+    if settings.trainer.initial:
+        callbacks.insert(0, InitialGap())  # before the scoring, which may take longer than the training
     if settings.trainer.patience_epochs:
         callbacks.append(PatienceOnce(patience=settings.trainer.patience_epochs, check_finite=True, **BEST))
     module = ReconstructionModule(settings)  # names the key that makes no network, before anything is asked of it
@@ -127,7 +130,7 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
             callbacks=callbacks,
             benchmark=training_device(settings) == "cuda",  # all batches have one shape, for which cuDNN looks for its fastest kernels
             log_every_n_steps=min(10, settings.trainer.steps_per_epoch),
-            num_sanity_val_steps=0,
+            num_sanity_val_steps=-1 if settings.trainer.initial and not resume else 0,
             use_distributed_sampler=False,
             enable_model_summary=False,
         )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from hilbertvae.checks import InputError, check_not_negative, check_positive
+from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
 
 ACCELERATORS = ("auto", "cpu", "gpu", "cuda", "mps")
 OPTIMIZER_KINDS = ("muon", "adamw")
@@ -22,8 +22,9 @@ class TrainerSettings:
     steps_per_epoch: int = 250
     batch_size: int = 64
     initial: str | None = None
-    """Start from the weights of this `model.safetensors` instead of fresh ones: of a network of the same shape, or of one with twice the
-    stem, one with fewer channels or blocks, one that was shown labels alone, or one without an output for what would be known."""
+    """Start from the weights of this `model.safetensors`, or of a network that comes with the package (`2d`, `3d`), instead of fresh ones:
+    of one of the same shape, or one with twice the stem, with fewer channels or blocks, that was shown labels alone, or without an output
+    for what would be known."""
     optimizer: str = "muon"
     """`muon`, for convolutions, with AdamW for the rest; or `adamw` alone, which had half of Muon's rate when it was the default."""
     learning_rate: float = 4e-3
@@ -57,8 +58,9 @@ class TrainerSettings:
         for key, known in (("accelerator", ACCELERATORS), ("precision", PRECISIONS), ("optimizer", optimizers)):
             if (value := getattr(self, key)) not in known:
                 raise InputError(f"trainer.{key}: expected one of {', '.join(known)}, got {value!r}")
-        if self.initial and not Path(self.initial).is_file():
-            raise InputError(f"trainer.initial: expected a model.safetensors, got {self.initial}, which is not there")
+        if self.initial and not checkpoint_path(self.initial).is_file():
+            known = f"a model.safetensors, or one of {', '.join(SHIPPED)}"
+            raise InputError(f"trainer.initial: expected {known}, got {self.initial}, which is not there")
         for key in ("epochs", "steps_per_epoch", "batch_size", "learning_rate", "validation_grids", "devices"):
             check_positive(getattr(self, key), f"trainer.{key}")
         for key in ("weight_decay", "kl_weight", "free_nats", "gradient_clip", "patience_epochs", "threads"):

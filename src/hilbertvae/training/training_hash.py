@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from hilbertvae.files import hash_of, path_sha256
+from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.site import site_name
 from hilbertvae.training.plain_settings import plain_settings
@@ -30,8 +31,7 @@ def training_hash(settings: Settings) -> str:
 
 def trained_by(settings: Settings) -> dict:
     """The settings that `training_hash` hashes."""
-    initial = settings.trainer.initial
-    return _made_of(settings, path_sha256(initial) if initial else None)
+    return _made_of(settings, _initial_sha256(settings))
 
 
 def first_differences(ours: dict, theirs: dict) -> str:
@@ -53,11 +53,16 @@ def _flat(node: dict, before: str = "") -> Iterator[tuple[str, object]]:
 def recipe_hash(settings: Settings, started_from: dict | None) -> str:
     """The hash that trainings share which differ in their seeds alone, as do the networks that they start from, whose card
     `started_from` is; one of an older version counts by its weights."""
-    initial = settings.trainer.initial
-    recipe = (started_from or {}).get("recipe_hash") or (path_sha256(initial) if initial else None)
+    recipe = (started_from or {}).get("recipe_hash") or _initial_sha256(settings)
     made_of = _made_of(settings, recipe) | {"seed": None}
     made_of["trainer"].pop("threads")  # bits depend on it, as on a seed
     return hash_of(made_of)
+
+
+def _initial_sha256(settings: Settings) -> str | None:
+    """Of the file that a training starts from, however that is called."""
+    initial = settings.trainer.initial
+    return path_sha256(checkpoint_path(initial)) if initial else None
 
 
 def _made_of(settings: Settings, initial: str | None) -> dict:
