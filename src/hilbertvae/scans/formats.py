@@ -30,7 +30,8 @@ class ReadingSettings:
     every: int = 1
     """Each so many-th scan is read."""
     sensor_origin_m: list[float] | None = None
-    """Metres, file frame. Where the beams of a single point file started, if it does not say: [0, 0, 0] in a sensor's own frame."""
+    """Metres, file frame. Where the beams of a single point file started, if it does not say, or says it in another frame: [0, 0, 0] in a
+    sensor's own frame."""
     beam_origin: str = "centre"
     """Where a scan's beams start, for a folder of scans and a bag's clouds: `centre`, `hdl64`, or three numbers in metres, sensor frame, as
     '0, 0, 0.2'."""

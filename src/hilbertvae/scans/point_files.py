@@ -78,8 +78,9 @@ def read_point_file(
 ) -> Scans:
     """The returns of one file, whose frame is the map frame. One file is one scan unless it says otherwise (NPZ, E57).
 
-    The beams start where the file says, else at `sensor_origin_m` (D numbers, metres, file frame), which is (0, 0, 0) for a cloud in
-    its sensor's frame. Without either there are no rays, and nothing is made up: that is an `InputError`, as are damaged files.
+    The beams start at `sensor_origin_m` (D numbers, metres, file frame), which is (0, 0, 0) for a cloud in its sensor's frame, else where
+    the file says, which may be in another frame than its points. Without either there are no rays, and nothing is made up: that is an
+    `InputError`, as are damaged files.
     A beam as long as `max_range_m` and more, as short as `min_range_m` and less, or without a return (NaN) is dropped. So are points at
     (0, 0, 0) where a cloud with one origin has two or more: drivers write them for beams without a return. `every` keeps each so many-th
     scan. Beams are numbered in the file's order within each scan, dropped ones included.
@@ -98,7 +99,7 @@ def read_point_file(
     clipped.see(lengths)
     clipped.warn(path)
     warn_if_rounded(points, path)
-    if found.origins is not None:
+    if found.origins is not None and sensor_origin_m is None:
         warn_if_rounded(found.origins, path, "origins", found.origin_type)
     kept = within_range(lengths, min_range_m, max_range_m) & (scan % every == 0)
     if not kept.any():
@@ -126,8 +127,12 @@ def _origin(path, found: FilePoints, sensor_origin_m: Sequence[float] | None) ->
     if origin.shape != (dimension,) or not np.isfinite(origin).all():
         raise InputError(f"reading.sensor_origin_m: expected {dimension} numbers in metres for {path}, got {sensor_origin_m!r}")
     if found.origins is not None:
-        warnings.warn(f"{path}: says itself where its beams started; reading.sensor_origin_m is not used", stacklevel=3)
-        return found.origins
+        places = np.unique(found.origins.reshape(-1, dimension), axis=0)
+        said = places[0].tolist() if len(places) == 1 else f"{len(places)} places, the first {places[0].tolist()}"
+        if len(places) > 1 or (places[0] != origin).any():
+            warnings.warn(
+                f"{path}: says that its beams started at {said}; reading.sensor_origin_m={origin.tolist()} is taken", stacklevel=3
+            )
     return origin
 
 
