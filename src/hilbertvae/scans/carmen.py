@@ -41,7 +41,7 @@ def read_carmen(
         check_positive(step_deg, "reading.beam_step_deg")
     points, origins, scan, beam, places = [], [], [], [], []
     kept = seen = passed = 0
-    unit, clipped, strange, chosen_kind = UnitCheck(max_range_m), ClippedCheck(max_range_m), set(), None
+    unit, clipped, strange, chosen_kind = UnitCheck(max_range_m, min_range_m=min_range_m), ClippedCheck(max_range_m), set(), None
     for number, line in _lines(path):
         kind = line.partition(b" ")[0]
         if kind not in MESSAGES:
@@ -80,7 +80,7 @@ def read_carmen(
         warnings.warn(f"{path}: {counts}, which no known laser has; set reading.beam_step_deg", stacklevel=3)
     if not sum(map(len, points)):
         raise InputError(f"{path}: expected ranges of {min_range_m} to {max_range_m} m, found none in {seen} scans{unit.hint(max_range_m)}")
-    return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam))
+    return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam), unit.left_out)
 
 
 def _lines(path: Path):

@@ -16,6 +16,8 @@ from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_folder import POSES, VELODYNE, read_posed_scans, scan_files
 
 CALIBRATION = "calib.txt"
+OWN_CAR_M = 2.5
+"""As far as the car that carries the sensor reaches."""
 MOST_UPWARD = 0.8
 """No car goes more of its way along its lidar's z axis, which is a camera's way ahead."""
 SHORTEST_PATH_M = 5.0
@@ -31,7 +33,7 @@ def read_kitti(
     folder: str | os.PathLike,
     beam_origin: str | Sequence[float] = "centre",
     max_range_m: float = LIDAR_RANGE_M,
-    min_range_m: float = 2.5,
+    min_range_m: float = OWN_CAR_M,
     every: int = 1,
     poses: str | None = None,
 ) -> Scans:

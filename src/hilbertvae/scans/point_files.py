@@ -92,7 +92,7 @@ def read_point_file(
     # Sweeps, or an origin for each beam, make a map's frame, where a place at zero is like any other.
     posed = found.scan is not None or (found.origins is not None and found.origins.ndim == 2)
     points = found.points if posed else without_zeros(found.points, at_least=2)
-    lengths, unit = beam_lengths(points[order], origins[order]), UnitCheck(max_range_m)
+    lengths, unit = beam_lengths(points[order], origins[order]), UnitCheck(max_range_m, min_range_m=min_range_m)
     unit.see(lengths)
     unit.warn(path)
     clipped = ClippedCheck(max_range_m, of_points=True)
@@ -107,8 +107,8 @@ def read_point_file(
             f"{path}: expected beams of {min_range_m} to {max_range_m} m, found none among {len(found.points)}; "
             f"the first starts at {origins[0].tolist()} and ends at {found.points[0].tolist()}{unit.hint(max_range_m)}"
         )
-    order = order[kept]
-    return Scans(found.points[order], origins[order], (scan[kept] // every).astype(np.int32), beam[kept].astype(np.int32))
+    order, number = order[kept], (scan[kept] // every).astype(np.int32)
+    return Scans(found.points[order], origins[order], number, beam[kept].astype(np.int32), unit.left_out)
 
 
 def _origin(path, found: FilePoints, sensor_origin_m: Sequence[float] | None) -> np.ndarray:
