@@ -39,8 +39,8 @@ class ReadingSettings:
     """Where a scan's beams start, for a folder of scans and a bag's clouds: `centre`, `hdl64`, or three numbers in metres, sensor frame, as
     '0, 0, 0.2'."""
     beam_step_deg: float | None = None
-    """Of a CARMEN log: degrees between beams, the middle one straight ahead. Known for 180, 181, 360, 361, 541, 721 and 1081 beams;
-    `ROBOTLASER1` messages say it."""
+    """Of a CARMEN log: degrees between beams, the middle one straight ahead. Known for 180, 181, 360, 361, 541, 721 and 1081 beams,
+    and for 682, 683, 726 and 769; `ROBOTLASER1` messages say it."""
     poses: str | None = None
     """`kiss_icp` finds the poses of 3D scans in the order of travel, in a folder or a bag, from the scans alone (extra `poses`,
     Python below 3.14)."""

@@ -11,8 +11,8 @@ from hilbertvae.checks import InputError, check_points
 
 
 class LeftOut(NamedTuple):
-    """How many of the returns that were `seen` a reader left out as too `near` or too `far`; those are none that are known to be codes for no
-    return."""
+    """How many of the returns that were `seen` a reader left out as too `near` or too `far`; what is known to be a code for no return is
+    none."""
 
     near: int = 0
     far: int = 0
