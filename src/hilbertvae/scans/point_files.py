@@ -1,4 +1,4 @@
-"""Single files of points (PLY, PCD, LAS, LAZ, E57, text, NPZ, KITTI's .bin) as scans."""
+"""Single files of points (PLY, PCD, LAS, LAZ, E57, text, NPY, NPZ, KITTI's .bin) as scans."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from hilbertvae.scans.beam_lengths import ClippedCheck, UnitCheck, beam_lengths,
 from hilbertvae.scans.e57 import read_e57
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, FilePoints, NoRows, check_reading
 from hilbertvae.scans.las import read_las
+from hilbertvae.scans.npy import read_npy
 from hilbertvae.scans.npz import read_npz
 from hilbertvae.scans.pcd import read_pcd
 from hilbertvae.scans.ply import read_ply
@@ -23,18 +24,21 @@ from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.velodyne import read_velodyne
 
 READERS: dict[str, Callable[[Path], FilePoints]] = {
+    ".asc": read_point_text,
     ".bin": read_velodyne,
     ".csv": read_point_text,
     ".e57": read_e57,
     ".las": read_las,
     ".laz": read_las,
+    ".npy": read_npy,
     ".npz": read_npz,
     ".pcd": read_pcd,
     ".ply": read_ply,
+    ".pts": read_point_text,
     ".txt": read_point_text,
     ".xyz": read_point_text,
 }
-BARE = (".bin", ".csv", ".txt", ".xyz")
+BARE = (".asc", ".bin", ".csv", ".pts", ".txt", ".xyz")
 """Formats without a header."""
 
 

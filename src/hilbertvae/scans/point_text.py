@@ -1,4 +1,4 @@
-"""Reader of points as plain text (`.xyz`, `.txt`, `.csv`): one point a line, columns apart by spaces, tabs, commas or semicolons."""
+"""Reader of points as plain text (`.xyz`, `.txt`, `.csv`, `.asc`, `.pts`): a point a line, columns apart by blanks, commas or semicolons."""
 
 from __future__ import annotations
 

@@ -29,6 +29,8 @@ from hilbertvae.scans.scan_collector import ScanCollector
 POSES, VELODYNE = "poses.txt", "velodyne"
 POSED = ".e57"
 """Files of this ending may have taken their points to the map by a pose of their own."""
+ARRAY = ".npy"
+"""Files of this ending may be anything, such as labels, beside scans of another."""
 NOT_SCANS = {POSES, "times.txt", "timestamps.txt", "calib.txt", "readme.txt", "license.txt"}
 MOST_FOLDERS = 100
 """So many are looked through for scans that are not where they were looked for."""
@@ -69,7 +71,8 @@ def scan_files(folder: Path) -> list[Path]:
 
 def _with_points(folder: Path) -> list[Path]:
     files = [path for path in folder.iterdir() if path.suffix.lower() in READERS and path.name.lower() not in NOT_SCANS]
-    return [path for path in files if path.is_file() and not path.name.startswith(".")]
+    files = [path for path in files if path.is_file() and not path.name.startswith(".")]
+    return [path for path in files if path.suffix.lower() != ARRAY] or files
 
 
 def _counted(files: Sequence[Path]) -> str:
