@@ -27,6 +27,8 @@ from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
 
 POSES, VELODYNE = "poses.txt", "velodyne"
+POSES_FOLDER = "poses"
+"""Beside KITTI's `sequences`: `poses/00.txt` are those of the camera of `sequences/00`."""
 POSED = ".e57"
 """Files of this ending may have taken their points to the map by a pose of their own."""
 ARRAY = ".npy"
@@ -81,12 +83,20 @@ def _counted(files: Sequence[Path]) -> str:
 
 
 def _further_down(folder: Path) -> str:
-    """Where the most scans lie up to two folders further down, as in KITTI's raw data; nothing where there are none."""
-    below = islice(chain(folder.glob("*/"), folder.glob("*/*/")), MOST_FOLDERS)
+    """Where the most scans lie up to three folders further down, as in KITTI's odometry; nothing where there are none."""
+    below = islice(chain(folder.glob("*/"), folder.glob("*/*/"), folder.glob("*/*/*/")), MOST_FOLDERS)
+    below = (each for each in below if each.name != POSES_FOLDER)
     with contextlib.suppress(OSError):  # a folder that nobody may look into
         if most := max(map(_with_points, below), key=len, default=[]):
             return f"; in {most[0].parent.relative_to(folder)} there are {_counted(most)}"
     return ""
+
+
+def kitti_poses(folder: Path) -> Path:
+    """Where a drive in KITTI's layout has its poses: its own `poses.txt`, or if that is not there, what KITTI's odometry has for it."""
+    own, drive = folder / POSES, Path(os.path.abspath(folder))
+    apart = drive.parent.parent / POSES_FOLDER / f"{drive.name}.txt"
+    return apart if apart.is_file() and not own.exists() else own
 
 
 def read_posed_scans(
@@ -169,8 +179,9 @@ def _given_poses(files: list[Path], poses_path: Path, lidar_to_camera: np.ndarra
         return None
     if not poses_path.exists():
         folder = poses_path.absolute().parent
-        if folder.name == VELODYNE and (folder.parent / POSES).exists():
-            raise InputError(f"{poses_path}: no such file, but one is in the folder above: to read KITTI's layout, give {folder.parent}")
+        if folder.name == VELODYNE and (there := kitti_poses(folder.parent)).exists():
+            where = "one is in the folder above" if there.name == POSES else f"there is {there}"
+            raise InputError(f"{poses_path}: no such file, but {where}: to read KITTI's layout, give {folder.parent}")
         raise InputError(
             f"{poses_path}: no such file; expected a pose for each of {len(files)} scans. 3D scans in the order of travel can do without: "
             f"set reading.poses={KISS_ICP} to find their poses"
