@@ -27,6 +27,8 @@ COMMENT_AFTER = re.compile(rb"[ \t]+(?:#|//)|(?<=[\d.])(?:#|//)")
 MARGIN = b" \r\n"
 """What is around a row. Tabs may be its delimiters, and then stand beside an empty column."""
 QUOTED = re.compile(rb'"([^"\r\n]*)"')
+DECIMAL_COMMA = re.compile(rb"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
+"""A number as it is written where a comma stands for the point, or a whole one."""
 PLAIN = bytes.maketrans(b",;\t#/", b"?????")
 """What takes the place of marks that part columns or begin comments, in a text between quotes."""
 LEAST_COUNTED = 4
@@ -83,7 +85,10 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
         if all(map(_is_number, fields)):
             commented = commented_columns(path, comments, delimiter, len(fields))
         else:
+            _check_commas(path, first)
             start, above = file.tell(), above + line.endswith(b"\n")
+            _check_commas(path, _first_row(file))
+            file.seek(start)
             if delimiter is None and 0 < first.count(b"\t") == _first_row(file).count(b"\t"):
                 delimiter = "\t"
                 fields = split_fields(first, delimiter)
@@ -113,6 +118,14 @@ def _warn_of_numbers(path: Path, first: np.ndarray) -> None:
         # The folder is named, so that a thousand scans of one make one warning.
         counted = f"the first column of {path.suffix} files counts rows from {first[0]:g}, and is taken as x, as none has a name"
         warnings.warn(f"{path.parent}: {counted}; leave it out, or name the columns (a first line number,x,y,z,...)", stacklevel=4)
+
+
+def _check_commas(path: Path, row: bytes) -> None:
+    """An `InputError` for a row of numbers with decimal commas, which elsewhere part columns."""
+    fields = re.split(rb"[;\s]+", row.strip().removesuffix(b";"))
+    if len(fields) > 1 and all(map(DECIMAL_COMMA.fullmatch, fields)) and any(b"," in field for field in fields):
+        shown = row.strip()[:60].decode("latin1")
+        raise InputError(f"{path}: expected decimal points, got decimal commas, {shown!r}; write the numbers as 1.5")
 
 
 def _is_wide(file) -> bool:
