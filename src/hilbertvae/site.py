@@ -210,7 +210,7 @@ def _scans_at(reference: str, reading: ReadingSettings) -> Scans:
 
 def _kept_as_is(scans: Scans) -> Scans:
     """The same, which nobody may change any more: others will be given them, too."""
-    for values in vars(scans).values():
+    for values in (scans.points, scans.origins, scans.scan, scans.beam):
         values.flags.writeable = False
     return scans
 

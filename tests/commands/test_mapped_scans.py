@@ -112,3 +112,19 @@ def test_one_return_in_space_and_fine_cells(tmp_path):
     for resolution_m in (None, 0.03):
         settings = MapSettings(scans=str(tmp_path / "one.npz"), output=str(tmp_path / "out"), resolution_m=resolution_m, fill=False)
         assert (make_map(settings) / "map.png").exists()
+
+
+def test_returns_that_ranges_left_out_are_told(room, tmp_path, capsys):
+    """In the summary, on the page and in the report; and nothing where there are none."""
+    lengths = np.linalg.norm(room.scans.points - room.scans.origins, axis=1)
+    near_m, far_m = np.quantile(lengths, [0.05, 0.9]).tolist()
+    words = [f"scans={npz_of(room, tmp_path / 'room.npz')}", "fill=off", "exports=[ros]"]
+    assert map_command.main([*words, f"output={tmp_path / 'cut'}", f"min_range_m={near_m}", f"max_range_m={far_m}"]) == 0
+    told, near, far = capsys.readouterr().out, np.count_nonzero(lengths <= near_m), np.count_nonzero(lengths >= far_m)
+    points = json.loads((tmp_path / "cut" / "summary.json").read_text())["points"]
+    assert (points["near_left_out"], points["far_left_out"]) == (near, far) and points["returns"] + near + far == len(room.scans)
+    assert f"returns left out: {near:,} as near as min_range_m or nearer, {far:,} as far as max_range_m or farther" in told
+    assert "near left out" in (tmp_path / "cut" / "summary.html").read_text()
+    assert map_command.main([*words, f"output={tmp_path / 'whole'}"]) == 0
+    assert "left out" not in capsys.readouterr().out
+    assert set(json.loads((tmp_path / "whole" / "summary.json").read_text())["points"]) == {"returns", "scans", "occupied", "free"}

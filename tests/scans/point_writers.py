@@ -62,6 +62,11 @@ def write_npz(path, points=POINTS, **others):
     return path
 
 
+def write_npy(path, points=POINTS):
+    np.save(path, points)
+    return path
+
+
 def write_text(path, points=POINTS, header="", delimiter=" "):
     np.savetxt(path, points, fmt="%.17g", header=header, comments="", delimiter=delimiter)
     return path
@@ -84,10 +89,13 @@ WRITERS = {
     "a.laz": write_las,
     "new.laz": lambda path, points=POINTS: write_las(path, points, point_format=7, version="1.4"),
     "a.e57": lambda path, points=POINTS: write_e57(path, (points, None, None)),
+    "a.npy": write_npy,
     "a.npz": write_npz,
     "a.xyz": write_text,
     "a.txt": lambda path, points=POINTS: write_text(path, points, delimiter="\t"),
     "a.csv": lambda path, points=POINTS: write_text(path, points, "x,y,z", ","),
+    "a.asc": write_text,
+    "a.pts": lambda path, points=POINTS: write_text(path, points, str(len(points))),
     "a.bin": write_velodyne,
 }
 """A writer for each kind of file, by a name with the right extension."""

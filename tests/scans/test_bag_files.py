@@ -63,3 +63,15 @@ def test_what_mends_an_mcap_that_was_cut_off_is_told(tmp_path, cut):
             InputError, match=r"mcap: expected an MCAP with its end, .* by: mcap recover '.*/my run/.*\.mcap' -o '.*_mended"
         ):
             read_bag(path)
+
+
+def test_what_mends_a_ros_1_bag_that_was_cut_off_is_told(tmp_path):
+    """Also of one that was never closed, whose index is at 0."""
+    path = write_scene(tmp_path / "my run.bag", "ros1", lasers=0)
+    whole = path.read_bytes()
+    place = whole.index(b"index_pos=") + len(b"index_pos=")
+    index = int.from_bytes(whole[place : place + 8], "little")
+    for content in (whole[:index], whole[: len(whole) // 2], whole[:place] + bytes(8) + whole[place + 8 :]):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=r"run.bag: expected a bag with its index, .* by: rosbag reindex '.*/my run.bag'$"):
+            read_bag(path)

@@ -185,3 +185,18 @@ def test_planar_scans_are_never_in_a_fixed_frame(tmp_path):
     with pytest.warns(UserWarning, match="no transform says where odom is on base"):
         found = read_bag(tmp_path / "a.bag")
     np.testing.assert_allclose(found.origins[0], base_in_odom(1.35)[0][:2], rtol=0, atol=1e-9)
+
+
+def test_poses_that_are_not_read_are_named_where_others_are_missing(tmp_path):
+    for name, topics in (("a.bag", ()), ("b.bag", ("/vicon", "/slam"))):
+        with bag(tmp_path / name) as made:
+            made.cloud("/points", 0, "lidar", CLOUDS[0])
+            for topic in topics:
+                place, quaternion = made._pose(base_in_odom(0))
+                pose = made.make("geometry_msgs/Pose", made.make("geometry_msgs/Point", *place), quaternion)
+                made.put(topic, 0, made.make("geometry_msgs/PoseStamped", made.header("map", 0), pose))
+        told = "nothing says where 'lidar' was in map or odom .*no odometry" + (
+            "; not read are the poses of /slam, /vicon, of which odometry or /tf could be made" if topics else r"\)"
+        )
+        with pytest.raises(InputError, match=told):
+            read_bag(tmp_path / name)

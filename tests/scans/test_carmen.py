@@ -110,7 +110,10 @@ def test_other_beams_than_the_usual(tmp_path):
     scans = read_carmen(path, step_deg=90.0)
     np.testing.assert_allclose(scans.points, [[0, -2], [2, 0], [0, 2]], atol=1e-12)
     np.testing.assert_array_equal(read_scans_path(path, ReadingSettings(beam_step_deg=90.0)).points, scans.points)
-    with pytest.warns(UserWarning, match="a.log: 3 beams taken to be 1 degrees apart.*set reading.beam_step_deg"):
+    with pytest.warns(
+        UserWarning,
+        match="a.log: 3 beams taken to be 1 degrees apart, a guess, since this reader knows no laser of so many; set reading.beam_step_deg",
+    ):
         read_carmen(path)
     with pytest.raises(InputError, match="reading.beam_step_deg: expected a positive number"):
         read_scans_path(path, ReadingSettings(beam_step_deg=0.0))
@@ -118,13 +121,37 @@ def test_other_beams_than_the_usual(tmp_path):
 
 @pytest.mark.parametrize(
     ("beams", "first_deg", "last_deg"),
-    [(541, -135, 135), (1081, -135, 135), (721, -90, 90), (181, -90, 90), (361, -90, 90), (180, -90, 89), (360, -90, 89.5)],
+    [(541, -135, 135), (1081, -135, 135), (721, -90, 90), (181, -90, 90), (361, -90, 90), (180, -90, 89), (360, -90, 89.5)]
+    + [(count, -(count - 1) * 360 / 2048, (count - 1) * 360 / 2048) for count in (682, 683, 726, 769)],
 )
-def test_how_far_a_laser_looks(tmp_path, beams, first_deg, last_deg):
+def test_how_far_a_laser_looks(tmp_path, beams, first_deg, last_deg, recwarn):
     scans = read_carmen(write_log(tmp_path / "a.log", [carmen_line(np.full(beams, 2.0), [0, 0, 0])]))
     angles = np.rad2deg(np.arctan2(*scans.points.T[::-1]))
     np.testing.assert_allclose(angles[[0, -1]], [first_deg, last_deg], atol=1e-9)
-    assert len(scans) == beams
+    assert len(scans) == beams and not recwarn.list
+
+
+@pytest.mark.parametrize("name", ["a.log", "a.log.gz"])
+@pytest.mark.parametrize("kept", [0.05, 0.5, 0.99])
+def test_a_last_line_that_is_cut_off_is_left_out(tmp_path, name, kept):
+    """One that lacks nothing but its end is read, and the only one of a log is refused."""
+    *lines, last = good_lines(5)
+    with pytest.warns(UserWarning, match=f"{name}, line 7: the last line is cut off and left out"):
+        scans = read_carmen(write_log(tmp_path / name, [*lines, last[: int(kept * len(last))]]))
+    assert set(scans.scan) == set(range(4))
+    assert set(read_carmen(write_log(tmp_path / name, [*lines, last.rstrip()])).scan) == set(range(5))
+    with pytest.raises(InputError, match=f"{name}, line 3: "):
+        read_carmen(write_log(tmp_path / name, [last[: len(last) // 2]]))
+    with pytest.raises(InputError, match=f"{name}, line 4: truncated"):  # a damaged one, and the log goes on
+        read_carmen(write_log(tmp_path / name, [lines[0], last[: len(last) // 2] + "\n", *lines[1:]]))
+
+
+def test_any_blanks_part_fields(tmp_path):
+    lines = good_lines(3)
+    odd = ["\t" + lines[0], "  " + lines[1].replace(" ", "  "), " \n", lines[2].replace(" ", "\t")]
+    expected, found = read_carmen(write_log(tmp_path / "a.log", lines)), read_carmen(write_log(tmp_path / "b.log", odd))
+    np.testing.assert_array_equal(found.points, expected.points)
+    np.testing.assert_array_equal(found.scan, expected.scan)
 
 
 @settings(max_examples=50)

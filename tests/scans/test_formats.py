@@ -1,3 +1,5 @@
+import warnings
+
 import numpy as np
 import pytest
 from point_writers import POINTS, random_poses, write_drive, write_npz, write_ply
@@ -98,3 +100,28 @@ def test_what_is_a_path_and_what_a_name():
     paths += ["a.log", "a.LOG.gz", "street.ply", "a/b", "./intel", "/data/drive", "drive/", ".", "..", "x.LAZ", "000000.bin"]
     assert all(map(is_scan_path, paths))
     assert not any(map(is_scan_path, [*CATALOGUE, "simulated:0", "kitti_drive0005", "", "log", "ply"]))
+
+
+def test_what_ranges_left_out_is_counted(tmp_path):
+    """Of a log, a folder and a file: the numbers of returns on either side, those without a length or a return aside."""
+    ranges = np.array([[0.0, 1.0, 5.0, 29.0, 31.0, 35.0], [0.0, 0.9, 1.5, 28.0, 40.0, 81.91]])
+    log = write_log(tmp_path / "a.log", [carmen_line(row, [0, 0, 0]) for row in ranges])
+    assert read_scans_path(log, ReadingSettings(min_range_m=1.0, max_range_m=30.0)).left_out == (2, 4, 12)
+    points = np.column_stack([[1.0, 2.0, 3.0, 70.0, 90.0, np.nan], np.zeros((6, 2))])
+    limits = {"min_range_m": 1.5, "max_range_m": 80.0}
+    single = read_scans_path(write_npz(tmp_path / "a.npz", points), ReadingSettings(sensor_origin_m=[0, 0, 0], **limits))
+    folder = read_scans_path(write_drive(tmp_path / "drive", [points[:5]] * 2, random_poses(2)), ReadingSettings(**limits))
+    assert single.left_out == (1, 1, 5) and folder.left_out == (2, 2, 10)
+
+
+def test_a_near_limit_that_nobody_gave_and_takes_much_is_told(tmp_path):
+    """KITTI's, of a robot indoors."""
+    drive = write_drive(tmp_path / "drive", POINTS.reshape(3, 20, 3) / 9, random_poses(3), "velodyne/{:06d}.bin")
+    near = np.count_nonzero(np.linalg.norm(POINTS / 9, axis=1) <= 2.5)
+    told = f"drive: {near} of 60 returns are 2.5 m or nearer and are left out, .*; reading.min_range_m=0 keeps them"
+    with pytest.warns(UserWarning, match=told):
+        assert read_scans_path(drive).left_out.near == near > 6
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(read_scans_path(drive, ReadingSettings(min_range_m=2.5))) == 60 - near
+        assert len(read_scans_path(drive, ReadingSettings(min_range_m=0.0))) == 60

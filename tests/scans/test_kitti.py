@@ -9,6 +9,7 @@ import pytest
 from point_writers import POINTS, random_poses, write_drive, write_npz
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.formats import read_scans_path
 from hilbertvae.scans.kitti import is_kitti, read_kitti
 
 SCANS, NAME = POINTS.reshape(3, 20, 3), "velodyne/{:06d}.bin"
@@ -45,6 +46,32 @@ def test_poses_of_a_camera_are_turned_into_the_lidar_s(tmp_path):
     scans = read_kitti(tmp_path)
     np.testing.assert_allclose(scans.points, [[10, 2, -1.7], [15, 2, -1.7]], atol=1e-6)
     np.testing.assert_allclose(scans.origins, [[0, 0, 0], [5, 0, 0]], atol=1e-6)
+
+
+def test_poses_where_kitti_s_odometry_has_them(tmp_path, monkeypatch):
+    """They are the camera's, so nothing is read without a calibration; a file of the drive's own comes first."""
+    poses = around_a_corner(2.0, camera=True)[:3]
+    drive = write_drive(tmp_path / "sequences" / "07", SCANS, poses, NAME)
+    own, apart, calibration = drive / "poses.txt", tmp_path / "poses" / "07.txt", drive / "calib.txt"
+    calibration.write_text("Tr: 0 -1 0 0 0 0 -1 0 1 0 0 0\n")
+    expected = read_kitti(drive).points
+    apart.parent.mkdir()
+    own.rename(apart)
+    np.testing.assert_array_equal(read_kitti(drive).points, expected)
+    monkeypatch.chdir(drive)
+    np.testing.assert_array_equal(read_kitti(".").points, expected)
+    with pytest.raises(InputError, match=r"poses.txt: no such file, but there is .*poses.07.txt: to read KITTI's layout, give .*07$"):
+        read_scans_path(drive / "velodyne")
+    with pytest.raises(InputError, match=r"found none; in sequences.07.velodyne there are 3 .bin"):
+        read_scans_path(tmp_path)
+    calibration.rename(drive / "away.txt")
+    told = (
+        r"poses.07.txt: these are poses of KITTI's camera, for which .*calib.txt is expected to have a line Tr:, and there is no such file"
+    )
+    with pytest.raises(InputError, match=told):
+        read_kitti(drive)
+    np.savetxt(own, np.tile(np.eye(3, 4).ravel(), (3, 1)))
+    np.testing.assert_array_equal(read_kitti(drive).points, SCANS[np.linalg.norm(SCANS, axis=2) > 2.5])
 
 
 def around_a_corner(step_m, camera):

@@ -50,6 +50,17 @@ def test_a_comment_that_has_the_word_does_not_end_the_header(tmp_path):
     np.testing.assert_array_equal(read_ply(path).points, [[1, 2, 3]])
 
 
+@pytest.mark.parametrize(("names", "taken"), [("XYZ", [0, 1, 2]), ("xYZ", [0, 1, 2]), ("XYZxyz", [3, 4, 5]), ("zXY", [1, 2, 0])])
+def test_names_in_capitals(tmp_path, names, taken):
+    """Those in small letters are meant where both are there."""
+    rows = np.resize(POINTS, (20, len(names)))
+    header = "element vertex 20\n" + "\n".join(f"property double {name}" for name in names)
+    binary = written(tmp_path, f"binary_little_endian 1.0\n{header}", rows.astype("<f8").tobytes())
+    np.testing.assert_array_equal(read_ply(binary).points, rows[:, taken])
+    text = "\n".join(" ".join(map(repr, row)) for row in rows.tolist()) + "\n"
+    np.testing.assert_array_equal(read_ply(written(tmp_path, f"ascii 1.0\n{header}", text.encode())).points, rows[:, taken])
+
+
 @pytest.mark.parametrize("end", [b"\n", b"\r\n", b" "])
 def test_an_end_of_a_line_behind_binary_data(tmp_path, end):
     for encoding in ("binary_little_endian", "binary_big_endian"):
@@ -68,7 +79,8 @@ def test_carriage_returns(tmp_path):
     ("header", "data", "message"),
     [
         ("ascii 1.0\nelement face 1\nproperty int a", b"1\n", "expected an element vertex, the header has face"),
-        ("ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y", b"1 2\n", "with x, y and z"),
+        ("ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y", b"1 2\n", "expected vertices with x, y and z, they have x y"),
+        ("ascii 1.0\nelement vertex 1", b"1 2\n", "with x, y and z, they have no properties"),
         ("ascii 1.0\nelement vertex 1\nproperty quad x", b"1\n", "expected a line of a PLY header, got 'property quad x'"),
         ("ascii 1.0\nelement vertex -1", b"", "got 'element vertex -1'"),
         ("ascii 1.0\nproperty float x", b"", "got 'property float x'"),
@@ -81,7 +93,11 @@ def test_carriage_returns(tmp_path):
         (f"binary_little_endian 1.0\nelement vertex 1\n{XYZ}", bytes(25), "take 24 bytes, 25 are there"),
         (f"binary_little_endian 1.0\nelement vertex 1\n{XYZ}", bytes(24) + b"\n\n\n", "take 24 bytes, 27 are there"),
         (f"binary_little_endian 1.0\nelement face 1\nproperty list uchar int a\nelement vertex 1\n{XYZ}", bytes(30), "the vertices ahead"),
-        (f"binary_little_endian 1.0\nelement vertex 1\n{XYZ}\nproperty list uchar int a", bytes(30), "vertices of single numbers"),
+        (
+            f"binary_little_endian 1.0\nelement vertex 1\n{XYZ}\nproperty list uchar int a",
+            bytes(30),
+            "vertices of single numbers, they have lists a",
+        ),
         (f"binary_little_endian 1.0\nelement vertex 1\n{XYZ}\nproperty double x", bytes(32), "can't be read as a PLY file"),
     ],
 )

@@ -54,7 +54,7 @@ def test_a_truncated_file(tmp_path, name, part):
     path = WRITERS[name](tmp_path / name)
     whole = path.read_bytes()
     cut = whole[: int(part * len(whole))]
-    if name.endswith((".xyz", ".txt", ".csv")):  # text says not how long it is: the cut has to fall within a line
+    if name.endswith((".xyz", ".txt", ".csv", ".asc")):  # text says not how long it is: the cut has to fall within a line
         cut = cut[: cut.rfind(b"\n") + 3].rstrip()
     path.write_bytes(cut + b"?" * (name == "a.bin" and len(cut) % 16 == 0))
     with pytest.raises(InputError, match=re.escape(str(path))):
@@ -141,9 +141,15 @@ def test_the_origin_is_the_files_or_the_users_and_never_made_up(tmp_path):
     scans = read_point_file(path, sensor_origin_m=[1, 2, 3])
     np.testing.assert_array_equal(scans.origins, np.broadcast_to([1, 2, 3], POINTS.shape))
     path = write_pcd(tmp_path / "a.pcd", viewpoint=(4.0, 5.0, 6.0, 1.0, 0.0, 0.0, 0.0))
-    with pytest.warns(UserWarning, match="a.pcd: says itself where its beams started; reading.sensor_origin_m is not used"):
+    np.testing.assert_array_equal(np.unique(read_point_file(path).origins, axis=0), [[4, 5, 6]])
+    said = r"a.pcd: says that its beams started at \[4.0, 5.0, 6.0\]; reading.sensor_origin_m=\[1.0, 2.0, 3.0\] is taken"
+    with pytest.warns(UserWarning, match=said):
         found = read_point_file(path, sensor_origin_m=[1, 2, 3])
-    np.testing.assert_array_equal(np.unique(found.origins, axis=0), [[4, 5, 6]])
+    np.testing.assert_array_equal(np.unique(found.origins, axis=0), [[1, 2, 3]])
+    path = write_npz(tmp_path / "b.npz", scan=np.arange(60) // 20, origins=np.eye(3))
+    with pytest.warns(UserWarning, match=r"b.npz: says that its beams started at 3 places, the first \[0.0, 0.0, 1.0\]; "):
+        found = read_point_file(path, sensor_origin_m=[1, 2, 3])
+    np.testing.assert_array_equal(np.unique(found.origins, axis=0), [[1, 2, 3]])
     with pytest.raises(InputError, match="reading.sensor_origin_m: expected 3 numbers"):
         read_point_file(path, sensor_origin_m=[1, 2])
 
@@ -202,7 +208,7 @@ def test_bad_options_are_named(tmp_path, options):
 
 
 def test_an_unknown_extension(tmp_path):
-    with pytest.raises(InputError, match=r"a.abc: unknown extension '.abc'; known are .bin .csv"):
+    with pytest.raises(InputError, match=r"a.abc: unknown extension '.abc'; known are .asc .bin .csv"):
         read_points(tmp_path / "a.abc")
     for name in ("folder", "folder.ply"):
         (tmp_path / name).mkdir()

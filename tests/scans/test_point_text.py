@@ -73,7 +73,10 @@ def test_tables(tmp_path, text, expected):
         ("1,2,,\n", "expected numbers, or a first line that names columns"),
         ("1,2,3\n4,,6\n", "can't be read as a text file of points"),
         ("1 2 3\n4 five 6\n", "can't be read as a text file of points"),
-        ("1,5 2,5 3,5\n", "expected numbers, or a first line that names columns"),
+        ("1,5 2,5 3,5\n", "expected decimal points, got decimal commas, '1,5 2,5 3,5'; write the numbers as 1.5"),
+        ("# a hall\n1,5;-2,5e3;3\n", "expected decimal points, got decimal commas"),
+        ("x;y;z\n1,5;2,5;3,5;\n", "expected decimal points, got decimal commas"),
+        ("x\ty\tz\n\n1,5\t2,5\t3,5\n", "expected decimal points, got decimal commas"),
         ("a,b,c\n1,2,3\n", "expected numbers, or a first line that names columns x, y"),
         ("x,y,z\n", "expected lines of numbers, found none"),
         ("x y z\n", "expected lines of numbers, found none"),
@@ -215,3 +218,27 @@ def test_columns_are_counted_as_line_by_line(tmp_path, monkeypatch, block):
             found = point_text._has_columns(file, None if mark == " " else mark, 3)
         widths = [row.count("1") + (row.count("1") < 3 and end != "") for row, end in zip(rows, ends, strict=True)]
         assert found == (set(widths) == {3}), (rows, ends)
+
+
+@pytest.mark.parametrize("start", [0, 1])
+def test_numbers_of_rows_ahead_of_the_coordinates_are_told(tmp_path, start):
+    """As pandas writes its index without names of columns; once for all files of a folder."""
+    rows = np.column_stack([np.arange(start, start + 5), np.random.default_rng(0).normal(size=(5, 3))])
+    for name in ("a.csv", "b.csv"):
+        np.savetxt(tmp_path / name, rows, delimiter=",")
+    told = f"{tmp_path.name}: the first column of .csv files counts rows from {start}, and is taken as x, .*; leave it out, or name"
+    with pytest.warns(UserWarning, match=told) as found:
+        for name in ("a.csv", "b.csv"):
+            np.testing.assert_array_equal(read_point_text(tmp_path / name).points, rows[:, :3])
+    assert len({str(warning.message) for warning in found}) == 1
+
+
+@pytest.mark.parametrize(("columns", "count", "header"), [(3, 9, ""), (4, 3, ""), (4, 9, "x,y,z,t"), (4, 9, "# x,y,z,t")])
+def test_other_first_columns_are_coordinates(tmp_path, columns, count, header, recwarn):
+    rows = np.column_stack([np.arange(count), np.ones((count, columns - 1))])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header=header, comments="")
+    rows[1] += 0.5
+    np.savetxt(tmp_path / "b.csv", np.column_stack([rows, rows[:, 1]]), delimiter=",")
+    for name in ("a.csv", "b.csv"):
+        read_point_text(tmp_path / name)
+    assert not recwarn.list

@@ -23,6 +23,8 @@ ABOUT = (
     "does not say where its beams started: then sensor_origin_m=, too."
 )
 
+LEFT_OUT = {"near_left_out": "as near as min_range_m or nearer", "far_left_out": "as far as max_range_m or farther"}
+"""How the summary counts returns that ranges dropped, and what the report calls them."""
 GROUPED = rf"\breading\.({'|'.join(part.name for part in fields(ReadingSettings))})\b"
 
 
@@ -56,6 +58,9 @@ def report(summary: dict, output: Path) -> str:
     before, after = summary["cells"]["before"], summary["cells"]["after"]
     lines = [f"{summary['name']}: {summary['dimension']}D, cells of {summary['resolution_m']:g} m"]
     lines += [f"  {kind:8} before {before[kind] * cell:12,.1f} {unit}, after {after[kind] * cell:12,.1f} {unit}" for kind in before]
+    points = summary["points"]
+    dropped = [f"{points[key]:,} {said}" for key, said in LEFT_OUT.items() if key in points]
+    lines += [f"  returns left out: {', '.join(dropped)}"] if dropped else []
     lines += ["  " + ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in summary["seconds"].items())]
     return "\n".join([*lines, *(f"  {output / name}" for name in summary["files"])])
 

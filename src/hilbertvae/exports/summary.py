@@ -12,8 +12,11 @@ KINDS = ("occupied", "free", "unknown")
 
 
 def point_counts(cloud: Cloud, scans: Scans | None = None) -> dict[str, int]:
-    """How many points were mapped, by what they are, and from how many returns and scans, if it was from scans."""
+    """How many points were mapped, by what they are, and from how many returns and scans, if it was from scans. And how many returns were
+    left out as too near or too far, where any were."""
     read = {"returns": len(scans), "scans": len(np.unique(scans.scan))} if scans is not None else {}
+    if scans is not None:
+        read |= {f"{name}_left_out": count for name, count in zip(("near", "far"), scans.left_out, strict=False) if count}
     return {**read, "occupied": int(cloud.occupied.sum()), "free": int((~cloud.occupied).sum())}
 
 
@@ -51,6 +54,6 @@ def summary_tables(summary: dict) -> dict[str, list[list[str]]]:
     rows += [[f"{kind} ({unit})", *(f"{counts[kind] * cell_m:,.0f}" for counts in cells.values())] for kind in KINDS]
     size = [high - low for low, high in zip(*(summary["extent_m"][end] for end in ("low", "high")), strict=True)]
     about = [["", ""], ["extent (m)", " x ".join(f"{length:,.1f}" for length in size)], ["cells (m)", f"{summary['resolution_m']:g}"]]
-    about += [[f"{name} points" if name in KINDS else name, f"{count:,}"] for name, count in summary["points"].items()]
+    about += [[f"{name} points" if name in KINDS else name.replace("_", " "), f"{count:,}"] for name, count in summary["points"].items()]
     seconds = [["", "s"], *([stage, f"{taken:.1f}"] for stage, taken in summary.get("seconds", {}).items())]
     return {"Cells": rows, "Data": about, "Time": seconds}

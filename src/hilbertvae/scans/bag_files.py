@@ -13,6 +13,9 @@ BAG_FILES = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
 MCAP_ENDS = b"\x89MCAP0\r\n"
 """What an MCAP file begins and ends with."""
+ROS1, ROS1_HEADER = b"#ROSBAG V2.0\n", 4096 + 13
+"""What a ROS 1 bag begins with, and within how many bytes it says where its index is."""
+INDEX_PLACE = re.compile(rb"index_pos=(.{8})", re.DOTALL)
 
 
 def is_bag(path: str | os.PathLike) -> bool:
@@ -28,10 +31,12 @@ def is_bag(path: str | os.PathLike) -> bool:
 
 def check_files(path: Path) -> None:
     """An `InputError` for a .db3 of which rosbags would read another file, or a part: it hands its path to SQLite as a URI, unescaped,
-    and doesn't look at what a recorder that was cut off has left in the log beside it. Also for an .mcap that was cut off."""
+    and doesn't look at what a recorder that was cut off has left in the log beside it. Also for an .mcap or a .bag that was cut off."""
     for file in sorted(path.iterdir()) if path.is_dir() else [path]:
         if file.suffix.lower() == ".mcap" and file.is_file():
             _check_end(file)
+        if file.suffix.lower() == ".bag" and file.is_file():
+            _check_index(file)
         if file.suffix.lower() != ".db3":
             continue
         if strange := re.search(r"[?#]|%[0-9a-fA-F]{2}", str(file)):
@@ -54,4 +59,16 @@ def _check_end(file: Path) -> None:
         raise InputError(
             f"{file}: expected an MCAP with its end, this one was cut off; what it has is saved by: mcap recover {shlex.quote(str(file))} "
             f"-o {mended}"
+        )
+
+
+def _check_index(file: Path) -> None:
+    """Behind its messages a ROS 1 bag has an index, and ahead of them where that is: at 0 as long as it is written."""
+    with file.open("rb") as opened:
+        head = opened.read(ROS1_HEADER)
+    place = INDEX_PLACE.search(head) if head.startswith(ROS1) else None
+    if place and not 0 < int.from_bytes(place[1], "little") < file.stat().st_size:
+        raise InputError(
+            f"{file}: expected a bag with its index, this one was cut off or never closed; what it has is saved by: rosbag reindex "
+            f"{shlex.quote(str(file))}"
         )

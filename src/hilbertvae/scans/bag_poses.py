@@ -14,6 +14,8 @@ from hilbertvae.scans.transform_tree import TransformTree
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 """Two names of one type: the second is that of old ROS 1 bags."""
 ODOMETRY = "nav_msgs/msg/Odometry"
+POSES = tuple(f"geometry_msgs/msg/{kind}" for kind in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped"))
+"""Types of messages that have poses, and don't say of what in a way that holds everywhere: they are not read."""
 FIXED_FRAMES = ("map", "odom")
 """What REP 105 calls the fixed frames, the better one first."""
 STANDING = {*FIXED_FRAMES, "world", "earth", "camera_init"}
@@ -53,6 +55,8 @@ class BagPoses:
     """Fixed frames of odometry that clouds are in, and its topic."""
     others: dict[str, list[str]] = field(default_factory=dict)
     """By the topic whose odometry is used: those that would have done as well."""
+    unread: list[str] = field(default_factory=list)
+    """Topics of `POSES`, to be named where no other has the poses that are needed."""
     _by: dict[str, Odometry | None] = field(default_factory=dict)
 
     def add_odometry(self, topic: str, message) -> None:
@@ -117,6 +121,7 @@ class BagPoses:
             known = f"frames of transforms: {', '.join(self.tree.frames) or 'none'}"
             frames = sorted({one.frame for one in self.tracks.values()})
             known += f"; odometry in {', '.join(frames)}" if frames else "; no odometry"
+            known += f"; not read are the poses of {', '.join(self.unread)}, of which odometry or /tf could be made" if self.unread else ""
             still = f", or to {sensor} if the sensor stood still" if sensor else ""
             raise InputError(
                 f"nothing says where {sensor!r} was in {' or '.join(wanted)} ({known}). Set reading.fixed_frame to another frame{still}; "

@@ -8,6 +8,8 @@ from collections import Counter
 
 import numpy as np
 
+from hilbertvae.scans.scan import LeftOut
+
 LONGEST_MEDIAN_M = 1000.0
 """No laser that maps surroundings has half of its beams longer; a room in millimetres has."""
 LONGEST_PLANAR_M = 100.0
@@ -56,9 +58,10 @@ def without_zeros(points: np.ndarray, at_least: int = 1) -> np.ndarray:
 class UnitCheck:
     """Sees the lengths of all beams, dropped ones included, scan by scan, and warns where they can't be metres, or too many are dropped."""
 
-    def __init__(self, max_range_m: float = np.inf, longest_m: float = LONGEST_MEDIAN_M):
-        """max_range_m: from where beams are dropped. longest_m: what no laser's median beam is longer than."""
-        self._max_range_m, self._longest_m, self._seen, self._cut = max_range_m, longest_m, 0, 0
+    def __init__(self, max_range_m: float = np.inf, longest_m: float = LONGEST_MEDIAN_M, min_range_m: float = 0.0):
+        """max_range_m and min_range_m: from and up to where beams are dropped. longest_m: what no laser's median beam is longer than."""
+        self._max_range_m, self._min_range_m, self._longest_m = max_range_m, min_range_m, longest_m
+        self._seen = self._cut = self._near = 0
         self._medians: list[float] = []
         self._code_m = 0.0
 
@@ -70,12 +73,18 @@ class UnitCheck:
         found, place, alike = np.unique(lengths[far].round(2), return_inverse=True, return_counts=True)
         code = alike >= max(2, MANY_ALIKE * len(lengths))
         self._cut += int(alike[~code].sum())
+        self._near += int(((lengths > SHORTEST_M) & (lengths <= self._min_range_m)).sum())
         self._seen += len(lengths)
         code &= found <= self._longest_m  # no laser's; in millimetres it may be
         told = np.concatenate([lengths[~far], lengths[far][~code[place]]])
         if len(told):
             self._medians.append(float(np.median(told)))
         self._code_m = max([self._code_m, *found[code]])
+
+    @property
+    def left_out(self) -> LeftOut:
+        """Of the returns seen, codes and beams of no length aside."""
+        return LeftOut(self._near, self._cut, self._seen)
 
     def hint(self, max_range_m: float) -> str:
         """What to add to the news that no beam is short enough: half of them are too long, which another unit may explain, or all have the

@@ -33,7 +33,9 @@ def read_carmen(
     `max_range_m`, or above what the message says the laser measures, no-return codes among them, is an error or a miss, as is one at or
     below `min_range_m`: it is skipped and carves nothing. Shorter codes can't be told from returns; ranges that end at one that many
     beams have give a warning. `every` keeps each so many-th scan. step_deg: between beams, unless as the message says, or as many scans
-    have so many beams; a count that no known laser has gives a warning then. Raises `InputError` for a missing, truncated or foreign file.
+    have so many beams; a count that this reader knows of no laser gives a warning then. A last line without an end, and with less in it
+    than the one before, as of a logger that was stopped, is left out with a warning. Raises `InputError` for a missing, truncated or
+    foreign file.
     """
     path = Path(path)
     check_reading(min_range_m, max_range_m, every)
@@ -41,15 +43,19 @@ def read_carmen(
         check_positive(step_deg, "reading.beam_step_deg")
     points, origins, scan, beam, places = [], [], [], [], []
     kept = seen = passed = 0
-    unit, clipped, strange, chosen_kind = UnitCheck(max_range_m), ClippedCheck(max_range_m), set(), None
+    unit, clipped, strange, chosen_kind = UnitCheck(max_range_m, min_range_m=min_range_m), ClippedCheck(max_range_m), set(), None
+    before = b""
     for number, line in _lines(path):
-        kind = line.partition(b" ")[0]
+        kind = line.split(maxsplit=1)[0] if line.strip() else b""
         if kind not in MESSAGES:
             continue
         if kind != (chosen_kind := chosen_kind or kind):
             passed += 1
             continue
-        seen += 1
+        if seen and not line.endswith(b"\n") and len(line.split()) < len(before.split()):
+            warnings.warn(f"{path}, line {number}: the last line is cut off and left out", stacklevel=3)
+            continue
+        seen, before = seen + 1, line
         if (seen - 1) % every:
             continue
         sweep = MESSAGES[kind](path, number, line, step_deg)
@@ -77,10 +83,10 @@ def read_carmen(
     warn_of_few_digits(np.array(places), path)
     if strange:
         counts = ", ".join(f"{count} beams taken to be {beam_step_deg(count):g} degrees apart" for count in sorted(strange)[:3])
-        warnings.warn(f"{path}: {counts}, which no known laser has; set reading.beam_step_deg", stacklevel=3)
+        warnings.warn(f"{path}: {counts}, a guess, since this reader knows no laser of so many; set reading.beam_step_deg", stacklevel=3)
     if not sum(map(len, points)):
         raise InputError(f"{path}: expected ranges of {min_range_m} to {max_range_m} m, found none in {seen} scans{unit.hint(max_range_m)}")
-    return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam))
+    return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam), unit.left_out)
 
 
 def _lines(path: Path):

@@ -11,8 +11,10 @@ from hilbertvae.checks import InputError
 
 MAX_BEAMS = 4096
 """More beams than any planar laser of this format has; a larger count is a forged line."""
-LAYOUTS_DEG = {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5, 541: 0.5, 721: 0.25, 1081: 0.25}
-"""Degrees between beams by how many there are: half circles of SICK's LMS, and 270 degrees of SICK's and Hokuyo's (541, 1081)."""
+URG_04LX_DEG = 360 / 1024
+LAYOUTS_DEG = {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5, 541: 0.5, 721: 0.25, 1081: 0.25} | dict.fromkeys((682, 683, 726, 769), URG_04LX_DEG)
+"""Degrees between beams by how many there are: half circles of SICK's LMS, 270 degrees of SICK's and Hokuyo's (541, 1081), and 240 or, with
+what is at its ends, 255 and 270 of Hokuyo's URG-04LX (682 to 769)."""
 HALF_CIRCLES = (180, 360)
 """Counts whose last beam is one step short of 90 degrees."""
 BEFORE_RANGES = 8
@@ -23,7 +25,7 @@ and how many ranges follow. Angles are in radians."""
 @dataclass(frozen=True)
 class Sweep:
     """ranges (n,) in metres, inf where none was measured; the laser's pose (x, y, heading); where beams point from there, in degrees,
-    counter-clockwise; ranges from `farthest_m` on are no-return codes. known: whether a laser has so many beams, or the line says how
+    counter-clockwise; ranges from `farthest_m` on are no-return codes. known: whether `LAYOUTS_DEG` has so many beams, or the line says how
     they lie."""
 
     ranges: np.ndarray

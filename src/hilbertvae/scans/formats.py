@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,13 +11,15 @@ from hilbertvae.checks import InputError
 from hilbertvae.scans.bag_files import BAG_FILES, METADATA, is_bag
 from hilbertvae.scans.bags import read_bag
 from hilbertvae.scans.carmen import read_carmen
-from hilbertvae.scans.kitti import is_kitti, read_kitti
+from hilbertvae.scans.kitti import OWN_CAR_M, is_kitti, read_kitti
 from hilbertvae.scans.point_files import READERS, read_point_file
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_folder import read_scan_folder
 
 CARMEN = (".log", ".log.gz", ".clf", ".clf.gz")
 EXTENSIONS = (*CARMEN, *BAG_FILES, *READERS)
+MANY_NEAR = 0.1
+"""Of all returns. A car's own are hardly any; of a smaller robot, or of one indoors, a car's length is much of what is around."""
 
 
 @dataclass
@@ -30,13 +33,14 @@ class ReadingSettings:
     every: int = 1
     """Each so many-th scan is read."""
     sensor_origin_m: list[float] | None = None
-    """Metres, file frame. Where the beams of a single point file started, if it does not say: [0, 0, 0] in a sensor's own frame."""
+    """Metres, file frame. Where the beams of a single point file started, if it does not say, or says it in another frame: [0, 0, 0] in a
+    sensor's own frame."""
     beam_origin: str = "centre"
     """Where a scan's beams start, for a folder of scans and a bag's clouds: `centre`, `hdl64`, or three numbers in metres, sensor frame, as
     '0, 0, 0.2'."""
     beam_step_deg: float | None = None
-    """Of a CARMEN log: degrees between beams, the middle one straight ahead. Known for 180, 181, 360, 361, 541, 721 and 1081 beams;
-    `ROBOTLASER1` messages say it."""
+    """Of a CARMEN log: degrees between beams, the middle one straight ahead. Known for 180, 181, 360, 361, 541, 721 and 1081 beams,
+    and for 682, 683, 726 and 769; `ROBOTLASER1` messages say it."""
     poses: str | None = None
     """`kiss_icp` finds the poses of 3D scans in the order of travel, in a folder or a bag, from the scans alone (extra `poses`,
     Python below 3.14)."""
@@ -84,7 +88,12 @@ def read_scans_path(path: str | os.PathLike, reading: ReadingSettings | None = N
         if bags := sorted(each.name for each in path.iterdir() if each.suffix.lower() in BAG_FILES):
             raise InputError(f"{path}: expected scans, or a ROS 2 bag with {METADATA}; found bags to be read one by one: {', '.join(bags)}")
         read = read_kitti if is_kitti(path) else read_scan_folder
-        return read(path, beam_origin=reading.beam_origin, every=reading.every, poses=reading.poses, **ranges)
+        scans = read(path, beam_origin=reading.beam_origin, every=reading.every, poses=reading.poses, **ranges)
+        near, _, seen = scans.left_out
+        if reading.min_range_m is None and near > MANY_NEAR * seen:
+            cut = f"{near} of {seen} returns are {OWN_CAR_M:g} m or nearer and are left out, as a car's own are in KITTI's layout"
+            warnings.warn(f"{path}: {cut}; reading.min_range_m=0 keeps them", stacklevel=2)
+        return scans
     if path.suffix.lower() in READERS:
         _refuse(path, "a single point file", reading, "beam_origin", "poses", *of_bags, of_logs)
         return read_point_file(path, reading.sensor_origin_m, every=reading.every, **ranges)

@@ -13,7 +13,7 @@ from pathlib import Path
 from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.bag_files import check_files
 from hilbertvae.scans.bag_messages import DIMENSIONS, POINT_CLOUD
-from hilbertvae.scans.bag_poses import ODOMETRY, TRANSFORMS, BagPoses, nanoseconds
+from hilbertvae.scans.bag_poses import ODOMETRY, POSES, TRANSFORMS, BagPoses, nanoseconds
 from hilbertvae.scans.point_times import usual_step_ns
 from hilbertvae.scans.transform_topics import TransformTopics
 
@@ -89,6 +89,7 @@ class OpenedBag:
                 raise InputError(f"{self.path}: reading.odometry: expected a topic of nav_msgs/Odometry, got {odometry}; found {there}")
             odometries = named
         found, transforms = BagPoses(fixed_frame, odometry, self.types[scan_topic] == POINT_CLOUD), TransformTopics()
+        found.unread = sorted(name for name, kind in self.types.items() if kind in POSES and self.counts[name])
         used = {name for name, kind in self.types.items() if kind in TRANSFORMS} | odometries
         for topic, _, message in self._messages(used):
             if self.types[topic] == ODOMETRY:

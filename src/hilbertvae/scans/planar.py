@@ -37,7 +37,7 @@ def as_plan(scans: Scans, path: str | os.PathLike) -> Scans:
         warnings.warn(f"{said}; beyond {limits} the map is of three dimensions. Poses of x, y and heading make it a plan", stacklevel=4)
         return scans
     warnings.warn(f"{said}, so that the map is of two dimensions", stacklevel=4)
-    return Scans(scans.points[:, :2], scans.origins[:, :2], scans.scan, scans.beam)
+    return Scans(scans.points[:, :2], scans.origins[:, :2], scans.scan, scans.beam, scans.left_out)
 
 
 def _slopes(scans: Scans) -> np.ndarray | None:

@@ -26,12 +26,13 @@ NUMBER_TYPES = {**_BASIC, **_SIZED, "float32": "f4", "float64": "f8"}
 
 @dataclass
 class _Element:
-    """One `element` of the header: how many, and the name and type of each property. A list's type is that of its length."""
+    """One `element` of the header: how many, and the name and type of each property. A list's type is that of its length; `lists` has their
+    names."""
 
     name: str
     count: int
     properties: list[tuple[str, str]] = field(default_factory=list)
-    has_lists: bool = False
+    lists: list[str] = field(default_factory=list)
 
     def dtype(self, order: str) -> np.dtype:
         return np.dtype([(name, order + kind) for name, kind in self.properties])
@@ -49,23 +50,32 @@ def read_ply(path: str | os.PathLike) -> FilePoints:
         if "vertex" not in names:
             raise InputError(f"{path}: expected an element vertex, the header has {', '.join(names) or 'none'}")
         before, vertex = elements[: names.index("vertex")], elements[names.index("vertex")]
-        if vertex.has_lists or not {"x", "y", "z"} <= {name for name, _ in vertex.properties}:
-            raise InputError(f"{path}: expected vertices of single numbers with x, y and z")
+        if vertex.lists:
+            raise InputError(f"{path}: expected vertices of single numbers, they have lists {', '.join(vertex.lists)[:60]}")
+        if len(_axes(vertex)) < 3:
+            found = " ".join(name for name, _ in vertex.properties)
+            raise InputError(f"{path}: expected vertices with x, y and z, they have {found[:60] or 'no properties'}")
         there = os.fstat(file.fileno()).st_size - start
         file.seek(start)
         return FilePoints((_binary if order else _ascii)(path, file, order, elements, before, vertex, there))
 
 
+def _axes(vertex: _Element) -> list[str]:
+    """What x, y and z are called, in small letters or capitals; those that are there."""
+    names = [name for name, _ in vertex.properties]
+    return [name for axis in "xyz" for name in (axis, axis.upper()) if name in names and (name == axis or axis not in names)]
+
+
 def _binary(path, file, order, elements, before, vertex, there) -> np.ndarray:
     needed = sum(element.count * element.dtype(order).itemsize for element in elements)
     check_fits(path, "the header's elements", needed, there)
-    if needed != there and not any(element.has_lists for element in elements) and not _ends_in_blanks(file, there - needed):
+    if needed != there and not any(element.lists for element in elements) and not _ends_in_blanks(file, there - needed):
         raise InputError(f"{path}: the header's elements take {needed} bytes, {there} are there")
-    if any(element.has_lists for element in before):
+    if any(element.lists for element in before):
         raise InputError(f"{path}: expected the vertices ahead of elements that have lists")
     file.seek(sum(element.count * element.dtype(order).itemsize for element in before), os.SEEK_CUR)
     rows = np.fromfile(file, vertex.dtype(order), vertex.count)
-    return np.column_stack([rows[axis].astype(np.float64) for axis in "xyz"])
+    return np.column_stack([rows[name].astype(np.float64) for name in _axes(vertex)])
 
 
 def _ends_in_blanks(file, count: int) -> bool:
@@ -87,7 +97,7 @@ def _ascii(path, file, order, elements, before, vertex, there) -> np.ndarray:
     if rows.shape != (vertex.count, len(vertex.properties)):
         raise InputError(f"{path}: truncated; {vertex.count} vertices of {len(vertex.properties)} numbers declared, found {rows.shape}")
     names = [name for name, _ in vertex.properties]
-    return rows[:, [names.index(axis) for axis in "xyz"]]
+    return rows[:, [names.index(axis) for axis in _axes(vertex)]]
 
 
 def _header(path: Path, start: bytes) -> tuple[str, list[_Element], int]:
@@ -107,7 +117,7 @@ def _header(path: Path, start: bytes) -> tuple[str, list[_Element], int]:
                 elements.append(_Element(name, int(count)))
             case ["property", "list", length, kind, name] if elements and {length, kind} <= NUMBER_TYPES.keys():
                 elements[-1].properties.append((name, NUMBER_TYPES[length]))
-                elements[-1].has_lists = True
+                elements[-1].lists.append(name)
             case ["property", kind, name] if elements and kind in NUMBER_TYPES:
                 elements[-1].properties.append((name, NUMBER_TYPES[kind]))
             case [] | ["comment", *_] | ["obj_info", *_]:

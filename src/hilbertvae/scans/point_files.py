@@ -1,4 +1,4 @@
-"""Single files of points (PLY, PCD, LAS, LAZ, E57, text, NPZ, KITTI's .bin) as scans."""
+"""Single files of points (PLY, PCD, LAS, LAZ, E57, text, NPY, NPZ, KITTI's .bin) as scans."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from hilbertvae.scans.beam_lengths import ClippedCheck, UnitCheck, beam_lengths,
 from hilbertvae.scans.e57 import read_e57
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, FilePoints, NoRows, check_reading
 from hilbertvae.scans.las import read_las
+from hilbertvae.scans.npy import read_npy
 from hilbertvae.scans.npz import read_npz
 from hilbertvae.scans.pcd import read_pcd
 from hilbertvae.scans.ply import read_ply
@@ -23,18 +24,21 @@ from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.velodyne import read_velodyne
 
 READERS: dict[str, Callable[[Path], FilePoints]] = {
+    ".asc": read_point_text,
     ".bin": read_velodyne,
     ".csv": read_point_text,
     ".e57": read_e57,
     ".las": read_las,
     ".laz": read_las,
+    ".npy": read_npy,
     ".npz": read_npz,
     ".pcd": read_pcd,
     ".ply": read_ply,
+    ".pts": read_point_text,
     ".txt": read_point_text,
     ".xyz": read_point_text,
 }
-BARE = (".bin", ".csv", ".txt", ".xyz")
+BARE = (".asc", ".bin", ".csv", ".pts", ".txt", ".xyz")
 """Formats without a header."""
 
 
@@ -78,8 +82,9 @@ def read_point_file(
 ) -> Scans:
     """The returns of one file, whose frame is the map frame. One file is one scan unless it says otherwise (NPZ, E57).
 
-    The beams start where the file says, else at `sensor_origin_m` (D numbers, metres, file frame), which is (0, 0, 0) for a cloud in
-    its sensor's frame. Without either there are no rays, and nothing is made up: that is an `InputError`, as are damaged files.
+    The beams start at `sensor_origin_m` (D numbers, metres, file frame), which is (0, 0, 0) for a cloud in its sensor's frame, else where
+    the file says, which may be in another frame than its points. Without either there are no rays, and nothing is made up: that is an
+    `InputError`, as are damaged files.
     A beam as long as `max_range_m` and more, as short as `min_range_m` and less, or without a return (NaN) is dropped. So are points at
     (0, 0, 0) where a cloud with one origin has two or more: drivers write them for beams without a return. `every` keeps each so many-th
     scan. Beams are numbered in the file's order within each scan, dropped ones included.
@@ -91,14 +96,14 @@ def read_point_file(
     # Sweeps, or an origin for each beam, make a map's frame, where a place at zero is like any other.
     posed = found.scan is not None or (found.origins is not None and found.origins.ndim == 2)
     points = found.points if posed else without_zeros(found.points, at_least=2)
-    lengths, unit = beam_lengths(points[order], origins[order]), UnitCheck(max_range_m)
+    lengths, unit = beam_lengths(points[order], origins[order]), UnitCheck(max_range_m, min_range_m=min_range_m)
     unit.see(lengths)
     unit.warn(path)
     clipped = ClippedCheck(max_range_m, of_points=True)
     clipped.see(lengths)
     clipped.warn(path)
     warn_if_rounded(points, path)
-    if found.origins is not None:
+    if found.origins is not None and sensor_origin_m is None:
         warn_if_rounded(found.origins, path, "origins", found.origin_type)
     kept = within_range(lengths, min_range_m, max_range_m) & (scan % every == 0)
     if not kept.any():
@@ -106,8 +111,8 @@ def read_point_file(
             f"{path}: expected beams of {min_range_m} to {max_range_m} m, found none among {len(found.points)}; "
             f"the first starts at {origins[0].tolist()} and ends at {found.points[0].tolist()}{unit.hint(max_range_m)}"
         )
-    order = order[kept]
-    return Scans(found.points[order], origins[order], (scan[kept] // every).astype(np.int32), beam[kept].astype(np.int32))
+    order, number = order[kept], (scan[kept] // every).astype(np.int32)
+    return Scans(found.points[order], origins[order], number, beam[kept].astype(np.int32), unit.left_out)
 
 
 def _origin(path, found: FilePoints, sensor_origin_m: Sequence[float] | None) -> np.ndarray:
@@ -126,8 +131,12 @@ def _origin(path, found: FilePoints, sensor_origin_m: Sequence[float] | None) ->
     if origin.shape != (dimension,) or not np.isfinite(origin).all():
         raise InputError(f"reading.sensor_origin_m: expected {dimension} numbers in metres for {path}, got {sensor_origin_m!r}")
     if found.origins is not None:
-        warnings.warn(f"{path}: says itself where its beams started; reading.sensor_origin_m is not used", stacklevel=3)
-        return found.origins
+        places = np.unique(found.origins.reshape(-1, dimension), axis=0)
+        said = places[0].tolist() if len(places) == 1 else f"{len(places)} places, the first {places[0].tolist()}"
+        if len(places) > 1 or (places[0] != origin).any():
+            warnings.warn(
+                f"{path}: says that its beams started at {said}; reading.sensor_origin_m={origin.tolist()} is taken", stacklevel=3
+            )
     return origin
 
 

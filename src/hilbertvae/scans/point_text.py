@@ -1,4 +1,4 @@
-"""Reader of points as plain text (`.xyz`, `.txt`, `.csv`): one point a line, columns apart by spaces, tabs, commas or semicolons."""
+"""Reader of points as plain text (`.xyz`, `.txt`, `.csv`, `.asc`, `.pts`): a point a line, columns apart by blanks or marks."""
 
 from __future__ import annotations
 
@@ -27,8 +27,12 @@ COMMENT_AFTER = re.compile(rb"[ \t]+(?:#|//)|(?<=[\d.])(?:#|//)")
 MARGIN = b" \r\n"
 """What is around a row. Tabs may be its delimiters, and then stand beside an empty column."""
 QUOTED = re.compile(rb'"([^"\r\n]*)"')
+DECIMAL_COMMA = re.compile(rb"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
+"""A number as it is written where a comma stands for the point, or a whole one."""
 PLAIN = bytes.maketrans(b",;\t#/", b"?????")
 """What takes the place of marks that part columns or begin comments, in a text between quotes."""
+LEAST_COUNTED = 4
+"""Rows that a column counts by no chance."""
 MOST_COMMENTS = 100
 """Of those above the numbers, the last: where names of columns are looked for."""
 
@@ -81,7 +85,10 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
         if all(map(_is_number, fields)):
             commented = commented_columns(path, comments, delimiter, len(fields))
         else:
+            _check_commas(path, first)
             start, above = file.tell(), above + line.endswith(b"\n")
+            _check_commas(path, _first_row(file))
+            file.seek(start)
             if delimiter is None and 0 < first.count(b"\t") == _first_row(file).count(b"\t"):
                 delimiter = "\t"
                 fields = split_fields(first, delimiter)
@@ -99,7 +106,26 @@ def read_point_text(path: str | os.PathLike) -> FilePoints:
             raise InputError(f"{path}: truncated; its first line says {counted} points, {len(table)} are there")
         if table.shape[1] < 2:
             raise InputError(f"{path}: expected 2 or more columns, found {table.shape[1]}")
+        if not (columns or commented) and table.shape[1] > 3:
+            _warn_of_numbers(path, table[:, 0])
         return FilePoints(table[:, commented or slice(3)], named=bool(columns or commented))
+
+
+def _warn_of_numbers(path: Path, first: np.ndarray) -> None:
+    """A column that counts rows from 0 or 1 is no coordinate, as what pandas writes without names of columns; three columns may be a table
+    of steps along x."""
+    if len(first) >= LEAST_COUNTED and (first == first[0] + np.arange(len(first))).all() and first[0] in (0, 1):
+        # The folder is named, so that a thousand scans of one make one warning.
+        counted = f"the first column of {path.suffix} files counts rows from {first[0]:g}, and is taken as x, as none has a name"
+        warnings.warn(f"{path.parent}: {counted}; leave it out, or name the columns (a first line number,x,y,z,...)", stacklevel=4)
+
+
+def _check_commas(path: Path, row: bytes) -> None:
+    """An `InputError` for a row of numbers with decimal commas, which elsewhere part columns."""
+    fields = re.split(rb"[;\s]+", row.strip().removesuffix(b";"))
+    if len(fields) > 1 and all(map(DECIMAL_COMMA.fullmatch, fields)) and any(b"," in field for field in fields):
+        shown = row.strip()[:60].decode("latin1")
+        raise InputError(f"{path}: expected decimal points, got decimal commas, {shown!r}; write the numbers as 1.5")
 
 
 def _is_wide(file) -> bool:

@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from hilbertvae.checks import InputError, check_points
+
+
+class LeftOut(NamedTuple):
+    """How many of the returns that were `seen` a reader left out as too `near` or too `far`; what is known to be a code for no return is
+    none."""
+
+    near: int = 0
+    far: int = 0
+    seen: int = 0
+
 
 HELD_OUT_EVERY = 10
 """Each tenth beam is given to no mapper and scores what was observed (METHOD 7)."""
@@ -21,12 +32,14 @@ class Scans:
     scan: (N,) int32, the sweep a return belongs to, counted on by one from each to the next (one that returned nothing has a number, too):
         by it and `beam` a tenth of the beams is held out, and scans are hidden.
     beam: (N,) int32, the beam's number within its sweep.
+    left_out: what the reader's ranges left out, to be told to who reads them.
     """
 
     points: np.ndarray
     origins: np.ndarray
     scan: np.ndarray
     beam: np.ndarray
+    left_out: LeftOut = LeftOut()
 
     def __post_init__(self):
         points = check_points(self.points, "scans.points", allow_empty=True)

@@ -18,7 +18,7 @@ class ScanCollector:
 
     def __init__(self, min_range_m: float, max_range_m: float):
         self._range_m = min_range_m, max_range_m
-        self._unit, self._rounded = UnitCheck(max_range_m), RoundedCheck()
+        self._unit, self._rounded = UnitCheck(max_range_m, min_range_m=min_range_m), RoundedCheck()
         self._parts: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
 
     def within(self, lengths: np.ndarray) -> np.ndarray:
@@ -47,4 +47,4 @@ class ScanCollector:
         if not sum(len(points) for points, *_ in self._parts):
             low, high = self._range_m
             raise InputError(f"{path}: expected beams of {low} to {high} m{where}, found none in {seen} scans{self._unit.hint(high)}")
-        return Scans(*map(np.concatenate, zip(*self._parts, strict=True)))
+        return Scans(*map(np.concatenate, zip(*self._parts, strict=True)), left_out=self._unit.left_out)

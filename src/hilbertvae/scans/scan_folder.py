@@ -27,8 +27,12 @@ from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
 
 POSES, VELODYNE = "poses.txt", "velodyne"
+POSES_FOLDER = "poses"
+"""Beside KITTI's `sequences`: `poses/00.txt` are those of the camera of `sequences/00`."""
 POSED = ".e57"
 """Files of this ending may have taken their points to the map by a pose of their own."""
+ARRAY = ".npy"
+"""Files of this ending may be anything, such as labels, beside scans of another."""
 NOT_SCANS = {POSES, "times.txt", "timestamps.txt", "calib.txt", "readme.txt", "license.txt"}
 MOST_FOLDERS = 100
 """So many are looked through for scans that are not where they were looked for."""
@@ -69,7 +73,8 @@ def scan_files(folder: Path) -> list[Path]:
 
 def _with_points(folder: Path) -> list[Path]:
     files = [path for path in folder.iterdir() if path.suffix.lower() in READERS and path.name.lower() not in NOT_SCANS]
-    return [path for path in files if path.is_file() and not path.name.startswith(".")]
+    files = [path for path in files if path.is_file() and not path.name.startswith(".")]
+    return [path for path in files if path.suffix.lower() != ARRAY] or files
 
 
 def _counted(files: Sequence[Path]) -> str:
@@ -78,12 +83,20 @@ def _counted(files: Sequence[Path]) -> str:
 
 
 def _further_down(folder: Path) -> str:
-    """Where the most scans lie up to two folders further down, as in KITTI's raw data; nothing where there are none."""
-    below = islice(chain(folder.glob("*/"), folder.glob("*/*/")), MOST_FOLDERS)
+    """Where the most scans lie up to three folders further down, as in KITTI's odometry; nothing where there are none."""
+    below = islice(chain(folder.glob("*/"), folder.glob("*/*/"), folder.glob("*/*/*/")), MOST_FOLDERS)
+    below = (each for each in below if each.name != POSES_FOLDER)
     with contextlib.suppress(OSError):  # a folder that nobody may look into
         if most := max(map(_with_points, below), key=len, default=[]):
             return f"; in {most[0].parent.relative_to(folder)} there are {_counted(most)}"
     return ""
+
+
+def kitti_poses(folder: Path) -> Path:
+    """Where a drive in KITTI's layout has its poses: its own `poses.txt`, or if that is not there, what KITTI's odometry has for it."""
+    own, drive = folder / POSES, Path(os.path.abspath(folder))
+    apart = drive.parent.parent / POSES_FOLDER / f"{drive.name}.txt"
+    return apart if apart.is_file() and not own.exists() else own
 
 
 def read_posed_scans(
@@ -166,8 +179,9 @@ def _given_poses(files: list[Path], poses_path: Path, lidar_to_camera: np.ndarra
         return None
     if not poses_path.exists():
         folder = poses_path.absolute().parent
-        if folder.name == VELODYNE and (folder.parent / POSES).exists():
-            raise InputError(f"{poses_path}: no such file, but one is in the folder above: to read KITTI's layout, give {folder.parent}")
+        if folder.name == VELODYNE and (there := kitti_poses(folder.parent)).exists():
+            where = "one is in the folder above" if there.name == POSES else f"there is {there}"
+            raise InputError(f"{poses_path}: no such file, but {where}: to read KITTI's layout, give {folder.parent}")
         raise InputError(
             f"{poses_path}: no such file; expected a pose for each of {len(files)} scans. 3D scans in the order of travel can do without: "
             f"set reading.poses={KISS_ICP} to find their poses"

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.column_widths import width_by_columns
 from hilbertvae.scans.file_points import FilePoints, reading
 
 NUSCENES = ".pcd.bin"
@@ -48,7 +49,7 @@ def read_velodyne(path: str | os.PathLike) -> FilePoints:
         if size == 0 or size % (4 * numbers):
             raise InputError(f"{path}: truncated or foreign; expected float32 {names} ({4 * numbers} bytes a return), got {size} bytes")
         values = np.fromfile(path, "<f4")
-        if numbers == 4 and (width := _plainly_other_width(values)):
+        if numbers == 4 and (width := _plainly_other_width(values) or width_by_columns(values)):
             raise InputError(
                 f"{path}: expected 4 numbers a return (x, y, z, intensity); it looks like {width}: write these 4 (intensity may be 0)"
             )
