@@ -6,8 +6,7 @@ from __future__ import annotations
 from hilbertvae.reports.mapper_names import CHAMPIONS, is_rival
 from hilbertvae.reports.score_table import NOTHING, markdown, percent
 from hilbertvae.scoring.cases import OCCLUSION_STEP
-from hilbertvae.scoring.metrics import ERROR_METRICS
-from hilbertvae.scoring.result import Result, asked
+from hilbertvae.scoring.result import ERROR_METRICS, Result, asked
 
 HEADLINES = (("points", "f1", "F1 at the cut"), ("points", "auc", "AUC"), ("voxels", "best_f1", "best F1"), ("voxels", "auc", "AUC"))
 """Reading, metric and name of what methods are compared by where nothing was shown."""

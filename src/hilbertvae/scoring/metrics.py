@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hilbertvae.mappers.mapper import FREE_BELOW, OCCUPIED_ABOVE
+from hilbertvae.scoring.result import ERROR_METRICS, ERRORS
 
 SMALLEST_PROBABILITY = 1e-6
 """For NLL alone: a certain answer that is wrong costs 13.8 nats, not infinitely many."""
@@ -13,11 +14,6 @@ METRICS = (
     "precision", "recall", "f1", "best_f1", "iou", "auc", "nll", "brier", "ece", "known", "base_rate", "count",
     "free_precision", "free_recall", "base_rate_nll",
 )  # fmt: skip
-
-ERROR_METRICS = ("error_auc_spread", "error_auc_doubt")
-ERRORS = "errors"
-"""Of voxels in gaps, from mappers that say how unsure they are; and the share of these that are errors, without which, or with nothing
-else, areas under their curves say nothing."""
 
 
 def score(occupied: np.ndarray, probability: np.ndarray) -> dict[str, float]:

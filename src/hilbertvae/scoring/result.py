@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from hilbertvae.scoring.metrics import ERROR_METRICS, ERRORS
-
 SCHEMA_VERSION = 1
 Scores = dict[str, dict[str, dict[str, dict[str, list[float]]]]]
 
@@ -98,6 +96,10 @@ class Result:
         }
 
 
+ERROR_METRICS = ("error_auc_spread", "error_auc_doubt")
+ERRORS = "errors"
+"""Of voxels in gaps, from mappers that say how unsure they are; and the share of these that are errors, without which, or with nothing
+else, areas under their curves say nothing."""
 OF_OCCUPIED = ("recall", "f1", "best_f1", "iou", "auc")
 """Metrics that say nothing where nothing is occupied."""
 OF_FREE = ("free_recall", "auc")
