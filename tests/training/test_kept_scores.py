@@ -47,6 +47,11 @@ class Stopped(NearestMapper):
         super()._fit(points, occupied, weight)
 
 
+class SeededText(ConstantMapper):
+    def __init__(self, text=""):
+        self.text = text
+
+
 @pytest.fixture
 def settings(tmp_path):
     data = DataSettings(test=["simulated:900002"], simulated_extent_m=[12, 16], simulated_scans=20)
@@ -141,6 +146,12 @@ def test_a_mapper_is_known_by_all_code_and_files_that_it_names(tmp_path, monkeyp
         assert found(a, b) == before
         write(**{change: "1e6"})
         assert found(a, b) != before, (change, a)
+
+
+def test_a_setting_may_be_any_text():
+    """Also one that no file can be called."""
+    for text in ("x" * 5000, "a/" * 3000, "nothing\0here", ""):
+        assert described(SeededText(text))[-1] == {"text": text}
 
 
 def test_more_seeds_take_those_that_are_there(settings):

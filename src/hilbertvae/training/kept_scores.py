@@ -124,8 +124,8 @@ def _code_of(mapper: Mapper) -> list[type]:
 def _plain(value: object) -> object:
     if isinstance(value, Reconstructor):
         return [value.fingerprint(), value.resolution_m, asdict(value.grid), value.map_weights]
-    if isinstance(value, Path) or (isinstance(value, str) and (Path(value).is_file() or os.sep in value)):
-        return path_sha256(value) if Path(value).exists() else str(value)
+    if isinstance(value, Path) or (isinstance(value, str) and (os.path.isfile(value) or os.sep in value)):  # which no text is too long for
+        return path_sha256(value) if os.path.exists(value) else str(value)
     if isinstance(value, (list, tuple)):
         return [_plain(part) for part in value]
     if isinstance(value, dict):
