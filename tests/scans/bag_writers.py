@@ -107,6 +107,16 @@ class BagOf:
         twist = self.make("geometry_msgs/TwistWithCovariance", self.make("geometry_msgs/Twist", still, still), none)
         self.put(topic, seconds, self.make("nav_msgs/Odometry", self.header(parent, seconds), child, pose, twist))
 
+    def stamped_pose(self, topic, seconds, parent, child, pose, kind="PoseStamped"):
+        """A pose of another type of geometry_msgs; `TransformStamped` alone says of what it is."""
+        place, quaternion = self._pose(pose)
+        if kind == "TransformStamped":
+            said = child, self.make("geometry_msgs/Transform", self.make("geometry_msgs/Vector3", *place), quaternion)
+        else:
+            said = [self.make("geometry_msgs/Pose", self.make("geometry_msgs/Point", *place), quaternion)]
+            said = [self.make("geometry_msgs/PoseWithCovariance", *said, np.zeros(36))] if "Covariance" in kind else said
+        self.put(topic, seconds, self.make(f"geometry_msgs/{kind}", self.header(parent, seconds), *said))
+
     def _pose(self, pose):
         place, quaternion = pose
         return map(float, place), self.make("geometry_msgs/Quaternion", *map(float, quaternion))

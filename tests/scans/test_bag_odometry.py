@@ -61,7 +61,9 @@ def test_of_two_the_one_that_is_asked_for_else_that_with_most_messages_and_a_war
     for topic in ("/odom", "odom"):
         found = read_scans_path(path, ReadingSettings(odometry=topic)).points
         np.testing.assert_allclose(found, TRUE, rtol=0, atol=1e-9)
-    with pytest.raises(InputError, match="a.bag: reading.odometry: expected a topic of nav_msgs/Odometry, got /x; found /odom, /wheel"):
+    with pytest.raises(
+        InputError, match="a.bag: reading.odometry: expected a topic of nav_msgs/Odometry or .*, got /x; found /odom, /wheel"
+    ):
         read_bag(path, odometry="/x")
     with pytest.raises(InputError, match="reading.odometry: with reading.poses=kiss_icp none is read"):
         read_bag(path, odometry="/odom", poses="kiss_icp")
@@ -187,16 +189,32 @@ def test_planar_scans_are_never_in_a_fixed_frame(tmp_path):
     np.testing.assert_allclose(found.origins[0], base_in_odom(1.35)[0][:2], rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("kind", ["PoseStamped", "PoseWithCovarianceStamped", "TransformStamped"])
+def test_poses_of_other_types_are_those_of_the_sensor_s_robot_where_they_are_asked_for(tmp_path, kind):
+    """Of motion capture, or of a SLAM: only the last type says of what they are, so that transforms lead on to the sensor."""
+    with bag(tmp_path / "a.bag") as made:
+        made.transform("/tf_static", 0, "base", "lidar", LIDAR_ON_BASE)
+        made.transform("/tf", 0, "map", "base", ELSEWHERE)
+        for second in range(4):
+            made.stamped_pose("/vicon", second, "map", "base", base_in_odom(second), kind)
+        made.cloud("/points", 1.35, "lidar", CLOUDS[0])
+    np.testing.assert_allclose(read_bag(tmp_path / "a.bag").points, moved(CLOUDS[0], LIDAR_ON_BASE, ELSEWHERE), rtol=0, atol=1e-9)
+    if kind == "TransformStamped":
+        found, on_base = read_bag(tmp_path / "a.bag", odometry="vicon"), [LIDAR_ON_BASE]
+    else:
+        with pytest.warns(UserWarning, match="a.bag: no transform says where lidar is on the robot; taken to be its origin$"):
+            found, on_base = read_bag(tmp_path / "a.bag", odometry="vicon"), []
+    np.testing.assert_allclose(found.points, moved(CLOUDS[0], *on_base, base_in_odom(1.35)), rtol=0, atol=1e-9)
+
+
 def test_poses_that_are_not_read_are_named_where_others_are_missing(tmp_path):
     for name, topics in (("a.bag", ()), ("b.bag", ("/vicon", "/slam"))):
         with bag(tmp_path / name) as made:
             made.cloud("/points", 0, "lidar", CLOUDS[0])
             for topic in topics:
-                place, quaternion = made._pose(base_in_odom(0))
-                pose = made.make("geometry_msgs/Pose", made.make("geometry_msgs/Point", *place), quaternion)
-                made.put(topic, 0, made.make("geometry_msgs/PoseStamped", made.header("map", 0), pose))
+                made.stamped_pose(topic, 0, "map", "lidar", base_in_odom(0))
         told = "nothing says where 'lidar' was in map or odom .*no odometry" + (
-            "; not read are the poses of /slam, /vicon, of which odometry or /tf could be made" if topics else r"\)"
+            "; not read are the poses of /slam, /vicon: set reading.odometry to one of these for them" if topics else r"\)"
         )
         with pytest.raises(InputError, match=told):
             read_bag(tmp_path / name)

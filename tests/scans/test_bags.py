@@ -175,7 +175,9 @@ def test_a_stamp_of_zero_is_the_time_of_the_recording(tmp_path):
 
 def test_a_bag_without_scans_lists_its_topics(tmp_path):
     path = write_scene(tmp_path / "a.bag", "ros1", lasers=0, clouds=0)
-    with pytest.raises(InputError, match=r"LaserScan or .*, found topics /tf \(tf2_msgs/msg/TFMessage, 12\), /tf_static \(.*, 2\)"):
+    with pytest.raises(
+        InputError, match=r"LaserScan, .* or Livox' CustomMsg, found topics /tf \(tf2_msgs/msg/TFMessage, 12\), /tf_static \(.*, 2\)"
+    ):
         read_bag(path)
     path = write_scene(tmp_path / "b.bag", "ros1")
     with pytest.raises(InputError, match="expected the topic /front, of .*/points .*/scan "):

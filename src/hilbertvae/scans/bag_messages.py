@@ -7,7 +7,9 @@ import numpy as np
 from hilbertvae.checks import InputError
 
 LASER_SCAN, POINT_CLOUD = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
-DIMENSIONS = {LASER_SCAN: 2, POINT_CLOUD: 3}
+LIVOX_CLOUDS = tuple(f"{package}/msg/CustomMsg" for package in ("livox_ros_driver", "livox_ros_driver2", "livox_interfaces"))
+"""Read by `livox_messages`."""
+DIMENSIONS = {LASER_SCAN: 2, POINT_CLOUD: 3, **dict.fromkeys(LIVOX_CLOUDS, 3)}
 """By type of message, in `rosbags`' spelling, which is ROS 2's for both."""
 NUMBER_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """By `PointField.datatype`."""

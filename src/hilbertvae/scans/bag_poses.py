@@ -15,7 +15,7 @@ TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 """Two names of one type: the second is that of old ROS 1 bags."""
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSES = tuple(f"geometry_msgs/msg/{kind}" for kind in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped"))
-"""Types of messages that have poses, and don't say of what in a way that holds everywhere: they are not read."""
+"""Types of messages that have poses, and don't say of what in a way that holds everywhere: they are read where they are asked for."""
 FIXED_FRAMES = ("map", "odom")
 """What REP 105 calls the fixed frames, the better one first."""
 STANDING = {*FIXED_FRAMES, "world", "earth", "camera_init"}
@@ -60,12 +60,16 @@ class BagPoses:
     _by: dict[str, Odometry | None] = field(default_factory=dict)
 
     def add_odometry(self, topic: str, message) -> None:
-        """One message of a topic of odometry."""
+        """One message of a topic of odometry, or of poses of another type."""
         if topic not in self.tracks:
-            frames = message.header.frame_id.lstrip("/"), message.child_frame_id.lstrip("/")
+            frames = message.header.frame_id.lstrip("/"), getattr(message, "child_frame_id", "").lstrip("/")
             self.tracks[topic] = Odometry(*frames, PoseTrack(f"odometry of {topic}"))
         one = self.tracks[topic]
-        one.track.add(nanoseconds(message.header.stamp), message.pose.pose.position, message.pose.pose.orientation)
+        if move := getattr(message, "transform", None):
+            one.track.add(nanoseconds(message.header.stamp), move.translation, move.rotation)
+        else:
+            pose = getattr(message.pose, "pose", message.pose)
+            one.track.add(nanoseconds(message.header.stamp), pose.position, pose.orientation)
         one.count += 1
 
     def at(self, sensor: str, stamp_ns: int) -> np.ndarray | None:
@@ -121,7 +125,8 @@ class BagPoses:
             known = f"frames of transforms: {', '.join(self.tree.frames) or 'none'}"
             frames = sorted({one.frame for one in self.tracks.values()})
             known += f"; odometry in {', '.join(frames)}" if frames else "; no odometry"
-            known += f"; not read are the poses of {', '.join(self.unread)}, of which odometry or /tf could be made" if self.unread else ""
+            unread = ", ".join(self.unread)
+            known += f"; not read are the poses of {unread}: set reading.odometry to one of these for them" if unread else ""
             still = f", or to {sensor} if the sensor stood still" if sensor else ""
             raise InputError(
                 f"nothing says where {sensor!r} was in {' or '.join(wanted)} ({known}). Set reading.fixed_frame to another frame{still}; "

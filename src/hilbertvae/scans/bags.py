@@ -41,13 +41,13 @@ def read_bag(
     deskew: bool = True,
     odometry: str | None = None,
 ) -> Scans:
-    """The scans of one topic, 2D from `sensor_msgs/LaserScan` and 3D from `sensor_msgs/PointCloud2`, in the order of the bag.
+    """The scans of one topic, 2D from `sensor_msgs/LaserScan` and 3D from `sensor_msgs/PointCloud2` or Livox' `CustomMsg`.
 
-    topic: by default the one of such messages that has most. Poses are those of `BagPoses` at the message's time, in `fixed_frame`, of the
-    topic `odometry` where that is given; a scan without one is left out, with a warning. `poses="kiss_icp"` finds them from the scans
-    instead, for clouds. deskew: beams are turned back one by one, where messages say when each was measured (`beam_times`); unset it for
-    clouds that were, but still say so. beam_origin and ranges are as in `read_scan_folder`; `every` keeps each so many-th message. Scans
-    are numbered from 0, beams by their place in the message.
+    Scans are in the order of the bag. topic: by default the one of such messages that has most. Poses are those of `BagPoses` at the
+    message's time, in `fixed_frame`, of the topic `odometry` where that is given; a scan without one is left out, with a warning.
+    `poses="kiss_icp"` finds them from the scans instead, for clouds. deskew: beams are turned back one by one, where messages say when
+    each was measured (`beam_times`); unset it for clouds that were, but still say so. beam_origin and ranges are as in
+    `read_scan_folder`; `every` keeps each so many-th message. Scans are numbered from 0, beams by their place in the message.
 
     The bag is read twice, transforms and then scans (and before, the first of these), a chunk at a time: memory grows with the returns
     that are kept. Messages have the types that ROS defines, whatever definitions the bag brings along. Raises `InputError` for files that

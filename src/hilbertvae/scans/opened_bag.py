@@ -12,8 +12,10 @@ from pathlib import Path
 
 from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.bag_files import check_files
-from hilbertvae.scans.bag_messages import DIMENSIONS, POINT_CLOUD
+from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, LIVOX_CLOUDS
 from hilbertvae.scans.bag_poses import ODOMETRY, POSES, TRANSFORMS, BagPoses, nanoseconds
+from hilbertvae.scans.file_points import named
+from hilbertvae.scans.livox_messages import livox_cloud
 from hilbertvae.scans.point_times import usual_step_ns
 from hilbertvae.scans.transform_topics import TransformTopics
 
@@ -64,13 +66,15 @@ class OpenedBag:
         if not topics or (wanted is not None and wanted not in topics):
             found = ", ".join(f"{name} ({self.types[name]}, {count})" for name, count in sorted(self.counts.items())) or "none"
             asked = f"the topic {wanted}, of " if wanted is not None else ""
-            raise InputError(f"{self.path}: expected {asked}sensor_msgs/LaserScan or sensor_msgs/PointCloud2, found topics {found}")
+            raise InputError(
+                f"{self.path}: expected {asked}sensor_msgs/LaserScan, sensor_msgs/PointCloud2 or Livox' CustomMsg, found topics {found}"
+            )
         if wanted is not None:
             return wanted
         chosen = max(sorted(topics), key=topics.get)
-        others = [f"{name} ({topics[name]})" for name in topics if self.types[name] == self.types[chosen] and name != chosen]
-        unlike = [name for name in topics if self.types[name] != self.types[chosen]]
-        others += [f"{name} ({topics[name]}, for a map in {DIMENSIONS[self.types[name]]}D)" for name in unlike]
+        space = {name: DIMENSIONS[self.types[name]] for name in topics}
+        others = [f"{name} ({topics[name]})" for name in topics if space[name] == space[chosen] and name != chosen]
+        others += [f"{name} ({topics[name]}, for a map in {space[name]}D)" for name in topics if space[name] != space[chosen]]
         if others:
             warnings.warn(
                 f"{self.path}: read are the {topics[chosen]} scans of {chosen} alone. Set reading.topic for another; other topics of "
@@ -81,18 +85,20 @@ class OpenedBag:
 
     def poses(self, scan_topic: str, fixed_frame: str | None, odometry: str | None = None) -> BagPoses:
         """The transforms of the bag, as they are for the scans of a topic (see `TransformTopics.tree`), and its odometry; of that the
-        wanted topic alone, if there is one."""
-        odometries = {name for name, count in self.counts.items() if self.types[name] == ODOMETRY and count}
+        wanted topic alone, if there is one, which may have poses of another type, too (`POSES`)."""
+        kinds = (ODOMETRY,) if odometry is None else (ODOMETRY, *POSES)
+        odometries = {name for name, count in self.counts.items() if self.types[name] in kinds and count}
         if odometry is not None:
-            if not (named := {name for name in odometries if name.lstrip("/") == odometry.lstrip("/")}):
+            if not (asked := {name for name in odometries if name.lstrip("/") == odometry.lstrip("/")}):
                 there = ", ".join(sorted(odometries)) or "none"
-                raise InputError(f"{self.path}: reading.odometry: expected a topic of nav_msgs/Odometry, got {odometry}; found {there}")
-            odometries = named
-        found, transforms = BagPoses(fixed_frame, odometry, self.types[scan_topic] == POINT_CLOUD), TransformTopics()
-        found.unread = sorted(name for name, kind in self.types.items() if kind in POSES and self.counts[name])
+                wanted = f"a topic of {' or '.join(kind.replace('/msg', '') for kind in kinds)}"
+                raise InputError(f"{self.path}: reading.odometry: expected {wanted}, got {odometry}; found {there}")
+            odometries = asked
+        found, transforms = BagPoses(fixed_frame, odometry, self.types[scan_topic] != LASER_SCAN), TransformTopics()
+        found.unread = sorted(name for name, kind in self.types.items() if kind in POSES and self.counts[name] and name not in odometries)
         used = {name for name, kind in self.types.items() if kind in TRANSFORMS} | odometries
         for topic, _, message in self._messages(used):
-            if self.types[topic] == ODOMETRY:
+            if topic in odometries:
                 found.add_odometry(topic, message)
             else:
                 transforms.add(topic, message.transforms)
@@ -117,5 +123,10 @@ class OpenedBag:
             return
         for index, (connection, recorded_ns, data) in enumerate(self.reader.messages(connections)):
             if index % every == 0:
-                kind = TRANSFORMS[0] if connection.msgtype in TRANSFORMS else connection.msgtype
-                yield connection.topic, recorded_ns, self._parse(data, kind)
+                yield connection.topic, recorded_ns, self._message(connection, data)
+
+    def _message(self, connection, data: bytes) -> object:
+        if connection.msgtype in LIVOX_CLOUDS:
+            with named(f"{self.path}, a message of {connection.topic}"):
+                return livox_cloud(data, self.is_ros1)
+        return self._parse(data, TRANSFORMS[0] if connection.msgtype in TRANSFORMS else connection.msgtype)
