@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from warm_start import train
 
 from hilbertvae.reports.run_lock import alone_in
 
@@ -16,9 +17,8 @@ WITHOUT_RIGHTS = ["setpriv", "--bounding-set=-dac_override,-dac_read_search", "-
 
 def test_a_folder_in_which_another_run_is_at_work_is_refused_and_left_alone(tmp_path):
     (tmp_path / "run").mkdir()
-    command = [sys.executable, "-m", "hilbertvae.train", "debug=fast", "mapper=[nearest]", f"output={tmp_path / 'run'}"]
     with alone_in(tmp_path / "run", waits=False):
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        done = train(tmp_path, "debug=fast", "mapper=[nearest]", f"output={tmp_path / 'run'}")
     assert done.returncode == 2 and "Traceback" not in done.stderr
     assert done.stderr.strip().startswith("hilbertvae-train: output: another run is at work in ")
     assert not (tmp_path / "run/result.json").exists()
@@ -30,19 +30,18 @@ def test_a_run_that_is_refused_leaves_no_word_of_it(tmp_path):
     def files():
         return {str(path.relative_to(tmp_path)): path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
 
-    def train(*words):
-        command = [sys.executable, "-m", "hilbertvae.train", "debug=fast", "mapper=[nearest]", "pictures=false", *words]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False).returncode
+    def code(*words):
+        return train(tmp_path, "debug=fast", "mapper=[nearest]", "pictures=false", *words).returncode
 
-    assert train("trainer.epochs=-1", "output=runs/new") == 2 and list(tmp_path.iterdir()) == []
+    assert code("trainer.epochs=-1", "output=runs/new") == 2 and list(tmp_path.iterdir()) == []
     (tmp_path / "runs").mkdir()
-    assert train("trainer.epochs=-1", "output=runs/new") == 2 and list(tmp_path.rglob("*")) == [tmp_path / "runs"]
-    assert train("output=runs/done") == 0
+    assert code("trainer.epochs=-1", "output=runs/new") == 2 and list(tmp_path.rglob("*")) == [tmp_path / "runs"]
+    assert code("output=runs/done") == 0
     before = files()
     assert any("overrides.yaml" in name for name in before)
-    assert train("trainer.epochs=-1", "output=runs/done", "evaluation.gap_seeds=[5]") == 2 and files() == before
+    assert code("trainer.epochs=-1", "output=runs/done", "evaluation.gap_seeds=[5]") == 2 and files() == before
     with alone_in(tmp_path / "runs/done", waits=False):
-        assert train("output=runs/done", "evaluation.gap_seeds=[5]") == 2 and files() == before
+        assert code("output=runs/done", "evaluation.gap_seeds=[5]") == 2 and files() == before
 
 
 @pytest.mark.skipif(os.name != "posix" or IS_ROOT and not shutil.which("setpriv"), reason="no folder is closed to whoever runs this")
@@ -102,7 +101,7 @@ train.main()
 def test_a_single_run_that_breaks_leaves_the_result_of_one_before_it(tmp_path):
     """Of a full disk, or of anything else: why stands beside it."""
     command = ["debug=fast", "mapper=[nearest]", "pictures=false", "trainer.threads=1", f"output={tmp_path / 'run'}"]
-    subprocess.run([sys.executable, "-m", "hilbertvae.train", *command], capture_output=True, check=True)
+    assert train(tmp_path, *command).returncode == 0
     before = (tmp_path / "run/result.json").read_bytes()
     for error in ("OSError(28, 'No space left on device', 'checkpoints/best.ckpt')", "RuntimeError('out of memory')"):
         program = f"""
@@ -124,7 +123,6 @@ def test_a_run_of_fewer_sites_leaves_none_of_another(tmp_path):
     command = ["debug=fast", "mapper=[nearest]", "evaluation.occlusion=false", "trainer.threads=1", f"output={tmp_path / 'run'}"]
     second = tmp_path / "run/simulated-900003"
     for sites, left in (("900002,simulated:900003", ["pictures", "result.json", "scores.md"]), ("900002", [])):
-        words = [*command, f"data.test=[simulated:{sites}]"]
-        subprocess.run([sys.executable, "-m", "hilbertvae.train", *words], capture_output=True, check=True)
+        assert train(tmp_path, *command, f"data.test=[simulated:{sites}]").returncode == 0
         assert sorted(path.name for path in second.iterdir()) == left
     assert (tmp_path / "run/result.json").exists() and (tmp_path / "run/pictures").exists()
