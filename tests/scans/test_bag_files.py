@@ -3,11 +3,14 @@
 import shutil
 import sqlite3
 
+import numpy as np
 import pytest
-from bag_scene import bag_file, write_scene
+from bag_scene import CLOUDS, LIDAR_ON_BASE, bag_file, base_in_odom, write_scene
+from bag_writers import bag, moved
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.bags import read_bag
+from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 
 
 @pytest.fixture
@@ -75,3 +78,65 @@ def test_what_mends_a_ros_1_bag_that_was_cut_off_is_told(tmp_path):
         path.write_bytes(content)
         with pytest.raises(InputError, match=r"run.bag: expected a bag with its index, .* by: rosbag reindex '.*/my run.bag'$"):
             read_bag(path)
+
+
+def write_parts(folder, kind, names, starts=(0, 2, 4)):
+    """A recording that was split every two seconds; where the sensors are is in the first part alone. Returns its scans."""
+    folder.mkdir()
+    expected = []
+    for name, start in zip(names, starts, strict=True):
+        made_at = folder / name if kind == "ros1" else folder / f"{name}-made"
+        with bag(made_at, kind) as made:
+            if not start:
+                made.transform("/tf_static", 0, "base", "lidar", LIDAR_ON_BASE)
+            for step in range(9):
+                second = start + step / 4
+                made.transform("/tf", second, "odom", "base", base_in_odom(second))
+            cloud = CLOUDS[len(expected)]
+            made.cloud("/points", start + 1.1, "lidar", cloud)
+            expected.append(moved(cloud, LIDAR_ON_BASE, base_in_odom(start + 1.1)))
+        if kind != "ros1":
+            bag_file(made_at).rename(folder / f"{name}.{'mcap' if kind == 'mcap' else 'db3'}")
+            shutil.rmtree(made_at)
+    return expected
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("ros1", ["2024-05-01-09-59-58_0.bag", "2024-05-01-10-00-00_1.bag", "2024-05-01-10-00-02_2.bag"]),
+        ("mcap", ["run_0", "run_1", "run_2"]),
+        ("sqlite", ["run_0", "run_1", "run_2"]),
+    ],
+)
+def test_the_parts_of_one_recording_are_read_as_one(tmp_path, kind, names):
+    expected = write_parts(tmp_path / "run", kind, names)
+    found = read_scans_path(tmp_path / "run")
+    for number, points in enumerate(expected):
+        np.testing.assert_allclose(found.points[found.scan == number], points, rtol=0, atol=1e-6)
+    every = read_scans_path(tmp_path / "run", ReadingSettings(every=2))
+    np.testing.assert_array_equal(every.points, found.points[found.scan != 1])
+
+
+@pytest.mark.parametrize("names", [["a_0.bag", "b_1.bag"], ["a_1.bag", "a_2.bag"], ["a_0.bag", "a_2.bag"], ["a0.bag", "a1.bag"]])
+def test_bags_that_are_not_named_as_parts_are_read_one_by_one(tmp_path, names):
+    write_parts(tmp_path / "run", "ros1", names, starts=(0, 2))
+    with pytest.raises(InputError, match=f"run: expected .* found bags to be read one by one: {', '.join(names)}"):
+        read_scans_path(tmp_path / "run")
+
+
+@pytest.mark.parametrize(("starts", "said"), [((0, 60), "58"), ((2, 0), "-4"), ((0, 0), "-2")])
+def test_drives_at_other_times_are_no_parts(tmp_path, starts, said):
+    write_parts(tmp_path / "run", "ros1", ["a_0.bag", "a_1.bag"], starts)
+    with pytest.raises(InputError, match=f"run: expected the parts of one recording, and a_1.bag begins {said} s after the end of a_0.bag"):
+        read_scans_path(tmp_path / "run")
+
+
+@pytest.mark.parametrize("cut", [100, 5000, None])
+@pytest.mark.parametrize("kind", ["ros1", "mcap", "sqlite"])
+def test_a_part_that_was_cut_off_is_named(tmp_path, kind, cut):
+    write_parts(tmp_path / "run", kind, ["a_0.bag", "a_1.bag"] if kind == "ros1" else ["a_0", "a_1"], starts=(0, 2))
+    file = max((tmp_path / "run").iterdir())
+    file.write_bytes(file.read_bytes()[:-cut] if cut else b"")
+    with pytest.raises(InputError, match=file.name):
+        read_scans_path(tmp_path / "run")

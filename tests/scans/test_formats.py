@@ -84,7 +84,9 @@ def test_settings_of_other_formats_are_refused(tmp_path, setting):
 def test_a_folder_of_bags(tmp_path):
     for name in ("b.bag", "a.mcap"):
         (tmp_path / name).write_bytes(b"")
-    with pytest.raises(InputError, match="expected scans, or a ROS 2 bag with metadata.yaml; found bags .* one by one: a.mcap, b.bag"):
+    with pytest.raises(
+        InputError, match="expected scans, a ROS 2 bag with metadata.yaml, or the parts of .*; found bags .* one by one: a.mcap, b.bag"
+    ):
         read_scans_path(tmp_path)
 
 

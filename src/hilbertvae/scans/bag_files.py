@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import shlex
@@ -15,6 +16,10 @@ MCAP_ENDS = b"\x89MCAP0\r\n"
 """What an MCAP file begins and ends with."""
 ROS1, ROS1_HEADER = b"#ROSBAG V2.0\n", 4096 + 13
 """What a ROS 1 bag begins with, and within how many bytes it says where its index is."""
+PART = re.compile(r"(.*)_(\d+)")
+"""The name of a part of a recording, and its number."""
+LONGEST_BREAK_S, MOST_OVERLAP_S = 10.0, 1.0
+"""From the last message of a part to the first one of the next; longer ones are another drive, as `PoseTrack` takes it."""
 INDEX_PLACE = re.compile(rb"index_pos=(.{8})", re.DOTALL)
 
 
@@ -24,9 +29,35 @@ def is_bag(path: str | os.PathLike) -> bool:
     if path.suffix.lower() in BAG_FILES and not path.is_dir():
         return True
     if not (path / METADATA).is_file():
-        return False
+        return path.is_dir() and bool(_numbered(path))
     # Other folders of scans have a file of that name, too.
     return b"rosbag2" in (path / METADATA).read_bytes() or any(file.suffix.lower() in BAG_FILES for file in path.iterdir())
+
+
+def bag_parts(path: Path) -> list[Path]:
+    """What is to be opened of a bag, in the order of recording: itself, or the files of a folder that a recorder split it into."""
+    return _numbered(path) if path.is_dir() and not (path / METADATA).is_file() else [path]
+
+
+def check_order(spans: list[tuple[Path, int, int]]) -> None:
+    """An `InputError` unless each part, with the times of its first and last message in nanoseconds, follows the one before."""
+    for (before, _, end_ns), (part, start_ns, _) in itertools.pairwise(spans):
+        if not -MOST_OVERLAP_S * 1e9 <= start_ns - end_ns <= LONGEST_BREAK_S * 1e9:
+            raise InputError(
+                f"{part.parent}: expected the parts of one recording, and {part.name} begins {(start_ns - end_ns) / 1e9:.3g} s after the "
+                f"end of {before.name}; bags of several drives are read one by one"
+            )
+
+
+def _numbered(folder: Path) -> list[Path]:
+    """The bags of a folder if they are named as recorders name the parts of one, from `name_0` on; `rosbag record --split` puts the time
+    into each name, too. Else none."""
+    files = [file for file in folder.iterdir() if file.suffix.lower() in BAG_FILES and file.is_file()]
+    names = [PART.fullmatch(file.stem) for file in files]
+    if not all(names) or len({(re.sub(r"\d", "", name[1]), file.suffix) for name, file in zip(names, files, strict=True)}) != 1:
+        return []
+    found = sorted((int(name[2]), file) for name, file in zip(names, files, strict=True))
+    return [file for _, file in found] if [number for number, _ in found] == list(range(len(found))) else []
 
 
 def check_files(path: Path) -> None:

@@ -1,4 +1,5 @@
-"""Reader of ROS bags, through rosbags: ROS 1 (.bag), ROS 2 (a folder with metadata.yaml, or one .db3 or .mcap of it)."""
+"""Reader of ROS bags, through rosbags: ROS 1 (.bag), ROS 2 (a folder with metadata.yaml, or one .db3 or .mcap of it), and a folder of the
+parts of one recording."""
 
 from __future__ import annotations
 

@@ -87,7 +87,8 @@ def read_scans_path(path: str | os.PathLike, reading: ReadingSettings | None = N
     if path.is_dir():
         _refuse(path, "a folder of scans", reading, "sensor_origin_m", *of_bags, of_logs)
         if bags := sorted(each.name for each in path.iterdir() if each.suffix.lower() in BAG_FILES):
-            raise InputError(f"{path}: expected scans, or a ROS 2 bag with {METADATA}; found bags to be read one by one: {', '.join(bags)}")
+            expected = f"scans, a ROS 2 bag with {METADATA}, or the parts of one recording, from name_0 on"
+            raise InputError(f"{path}: expected {expected}; found bags to be read one by one: {', '.join(bags)}")
         read = read_kitti if is_kitti(path) else read_scan_folder
         scans = read(path, beam_origin=reading.beam_origin, every=reading.every, poses=reading.poses, **ranges)
         near, _, seen = scans.left_out

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import warnings
 from collections import defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 from hilbertvae.checks import InputError, extra_module
-from hilbertvae.scans.bag_files import check_files
+from hilbertvae.scans.bag_files import bag_parts, check_files, check_order
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, LIVOX_CLOUDS
 from hilbertvae.scans.bag_poses import ODOMETRY, POSES, TRANSFORMS, BagPoses, nanoseconds
-from hilbertvae.scans.file_points import named
+from hilbertvae.scans.file_points import named, reading
 from hilbertvae.scans.livox_messages import livox_cloud
 from hilbertvae.scans.point_times import usual_step_ns
 from hilbertvae.scans.transform_topics import TransformTopics
@@ -27,18 +27,25 @@ FIRST = 50
 def opened_bag(path: Path) -> Iterator[OpenedBag]:
     """The bag at a path, for as long as the block runs; an `InputError` for one that can't be read whole."""
     check_files(path)
-    is_ros1 = path.suffix.lower() == ".bag" and not path.is_dir()
+    parts = bag_parts(path)
+    is_ros1 = parts[0].suffix.lower() == ".bag" and not parts[0].is_dir()
     module = extra_module("bags", "rosbags.rosbag1" if is_ros1 else "rosbags.rosbag2")
-    with module.Reader(path) as reader:
-        yield OpenedBag(path, reader, is_ros1)
+    with ExitStack() as stack:
+        readers = []
+        for part in parts:
+            with reading(part, "a ROS bag"):
+                readers.append(stack.enter_context(module.Reader(part)))
+        timed = [(part, reader) for part, reader in zip(parts, readers, strict=True) if reader.message_count]
+        check_order([(part, reader.start_time, reader.end_time) for part, reader in timed])
+        yield OpenedBag(path, readers, is_ros1)
 
 
 @dataclass
 class OpenedBag:
-    """The topics of a bag and what they say; `reader` is rosbags' own."""
+    """The topics of a bag and what they say; `readers` are rosbags' own, of each part of a recording that was split."""
 
     path: Path
-    reader: object
+    readers: Sequence[object]
     is_ros1: bool
 
     def __post_init__(self):
@@ -48,9 +55,10 @@ class OpenedBag:
         if self.is_ros1:  # rosbags has no tf2_msgs among its ROS 1 types
             store.register(typesys.get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TRANSFORMS[0]))
         self._parse = store.deserialize_ros1 if self.is_ros1 else store.deserialize_cdr
-        self.types = {connection.topic: connection.msgtype for connection in self.reader.connections}
+        connections = [connection for reader in self.readers for connection in reader.connections]
+        self.types = {connection.topic: connection.msgtype for connection in connections}
         self.counts = dict.fromkeys(self.types, 0)
-        for connection in self.reader.connections:
+        for connection in connections:
             self.counts[connection.topic] += int(connection.msgcount)
 
     def scan_topics(self) -> list[str]:
@@ -118,10 +126,9 @@ class OpenedBag:
         return usual_step_ns(stamps)
 
     def _messages(self, topics: set[str], every: int = 1) -> Iterator[tuple[str, int, object]]:
-        connections = [connection for connection in self.reader.connections if connection.topic in topics]
-        if not connections:
-            return
-        for index, (connection, recorded_ns, data) in enumerate(self.reader.messages(connections)):
+        wanted = [(reader, [each for each in reader.connections if each.topic in topics]) for reader in self.readers]
+        found = chain.from_iterable(reader.messages(connections) for reader, connections in wanted if connections)
+        for index, (connection, recorded_ns, data) in enumerate(found):
             if index % every == 0:
                 yield connection.topic, recorded_ns, self._message(connection, data)
 
