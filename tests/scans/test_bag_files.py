@@ -118,9 +118,11 @@ def test_the_parts_of_one_recording_are_read_as_one(tmp_path, kind, names):
     np.testing.assert_array_equal(every.points, found.points[found.scan != 1])
 
 
-@pytest.mark.parametrize("names", [["a_0.bag", "b_1.bag"], ["a_1.bag", "a_2.bag"], ["a_0.bag", "a_2.bag"], ["a0.bag", "a1.bag"]])
+@pytest.mark.parametrize(
+    "names", [["a_0.bag", "b_1.bag"], ["a_1.bag", "a_2.bag"], ["a_0.bag", "a_2.bag"], ["a0.bag", "a1.bag"], ["a_0.bag"]]
+)
 def test_bags_that_are_not_named_as_parts_are_read_one_by_one(tmp_path, names):
-    write_parts(tmp_path / "run", "ros1", names, starts=(0, 2))
+    write_parts(tmp_path / "run", "ros1", names, starts=(0, 2)[: len(names)])
     with pytest.raises(InputError, match=f"run: expected .* found bags to be read one by one: {', '.join(names)}"):
         read_scans_path(tmp_path / "run")
 

@@ -57,7 +57,8 @@ def _numbered(folder: Path) -> list[Path]:
     if not all(names) or len({(re.sub(r"\d", "", name[1]), file.suffix) for name, file in zip(names, files, strict=True)}) != 1:
         return []
     found = sorted((int(name[2]), file) for name, file in zip(names, files, strict=True))
-    return [file for _, file in found] if [number for number, _ in found] == list(range(len(found))) else []
+    in_order = len(found) > 1 and [number for number, _ in found] == list(range(len(found)))
+    return [file for _, file in found] if in_order else []
 
 
 def check_files(path: Path) -> None:
