@@ -40,7 +40,6 @@ from hilbertvae.scans.formats import EXTENSIONS, ReadingSettings, read_scans_pat
 from hilbertvae.scans.kitti import VELODYNE
 from hilbertvae.scans.planar import as_plan
 from hilbertvae.scans.scan import Scans
-from hilbertvae.scans.upright import warn_of_lying
 
 Say = Callable[[str], None]
 
@@ -133,7 +132,6 @@ def _read(settings: MapSettings) -> Scans | GivenMap:
     scans = read_scans_path(settings.scans, settings.reading())
     if not len(scans):
         raise InputError(f"{settings.scans}: expected returns, found none; are all ranges beyond max_range_m, or no returns?")
-    warn_of_lying(scans, settings.scans)
     return as_plan(scans, settings.scans)
 
 

@@ -20,7 +20,6 @@ from hilbertvae.observed_map import FINE
 from hilbertvae.scans.formats import ReadingSettings, is_scan_path, read_scans_path
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.sites import find_site, read_site, site_path
-from hilbertvae.scans.upright import warn_of_lying
 from hilbertvae.simulate import SCENES
 from hilbertvae.simulate.building import BuildingSettings, simulate_building
 from hilbertvae.simulate.laser import check_sim_extra
@@ -206,13 +205,7 @@ def _scans_at(reference: str, reading: ReadingSettings) -> Scans:
     each time all messages of a bag would be parsed, or poses be found, again. The `READ` last are kept."""
     path = Path(reference).resolve()
     key = hash_of([str(path), file_stamps(path), asdict(reading)])
-    return _scans_read.get(key, lambda: _kept_as_is(_read(reference, reading)))
-
-
-def _read(reference: str, reading: ReadingSettings) -> Scans:
-    scans = read_scans_path(reference, reading)
-    warn_of_lying(scans, reference)
-    return scans
+    return _scans_read.get(key, lambda: _kept_as_is(read_scans_path(reference, reading)))
 
 
 def _kept_as_is(scans: Scans) -> Scans:

@@ -9,6 +9,7 @@ import shlex
 from pathlib import Path
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.pose_track import LONGEST_HOLE_S
 
 BAG_FILES = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
@@ -18,8 +19,8 @@ ROS1, ROS1_HEADER = b"#ROSBAG V2.0\n", 4096 + 13
 """What a ROS 1 bag begins with, and within how many bytes it says where its index is."""
 PART = re.compile(r"(.*)_(\d+)")
 """The name of a part of a recording, and its number."""
-LONGEST_BREAK_S, MOST_OVERLAP_S = 10.0, 1.0
-"""From the last message of a part to the first one of the next; longer ones are another drive, as `PoseTrack` takes it."""
+MOST_OVERLAP_S = 1.0
+"""So much earlier than the last message of a part the next one may begin, and so much later as `LONGEST_HOLE_S` says."""
 INDEX_PLACE = re.compile(rb"index_pos=(.{8})", re.DOTALL)
 
 
@@ -42,7 +43,7 @@ def bag_parts(path: Path) -> list[Path]:
 def check_order(spans: list[tuple[Path, int, int]]) -> None:
     """An `InputError` unless each part, with the times of its first and last message in nanoseconds, follows the one before."""
     for (before, _, end_ns), (part, start_ns, _) in itertools.pairwise(spans):
-        if not -MOST_OVERLAP_S * 1e9 <= start_ns - end_ns <= LONGEST_BREAK_S * 1e9:
+        if not -MOST_OVERLAP_S * 1e9 <= start_ns - end_ns <= LONGEST_HOLE_S * 1e9:
             raise InputError(
                 f"{part.parent}: expected the parts of one recording, and {part.name} begins {(start_ns - end_ns) / 1e9:.3g} s after the "
                 f"end of {before.name}; bags of several drives are read one by one"

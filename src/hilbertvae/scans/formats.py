@@ -15,6 +15,7 @@ from hilbertvae.scans.kitti import OWN_CAR_M, is_kitti, read_kitti
 from hilbertvae.scans.point_files import READERS, read_point_file
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_folder import read_scan_folder
+from hilbertvae.scans.upright import warn_of_lying
 
 CARMEN = (".log", ".log.gz", ".clf", ".clf.gz")
 EXTENSIONS = (*CARMEN, *BAG_FILES, *READERS)
@@ -71,10 +72,17 @@ def is_scan_path(reference: str) -> bool:
 def read_scans_path(path: str | os.PathLike, reading: ReadingSettings | None = None) -> Scans:
     """The scans at a path: a CARMEN log, a ROS bag, a folder of scans (KITTI's layout among them), or a single point file.
 
-    Coordinates that can't be metres give a `UserWarning`, and so do poses that are doubtful. Raises `InputError` for a path that is not
-    there, an unknown extension, a setting that does not go with the format, and files that can't be read.
+    Coordinates that can't be metres give a `UserWarning`, and so do poses that are doubtful, and scans that seem to lie on their side.
+    Raises `InputError` for a path that is not there, an unknown extension, a setting that does not go with the format, and files that
+    can't be read.
     """
-    path, reading = Path(path), reading or ReadingSettings()
+    scans = _read(Path(path), reading or ReadingSettings())
+    warn_of_lying(scans, path)
+    return scans
+
+
+def _read(path: Path, reading: ReadingSettings) -> Scans:
+    """The scans at a path, by the reader of its format."""
     ranges = {key: value for key in ("max_range_m", "min_range_m") if (value := getattr(reading, key)) is not None}
     of_bags, of_logs = ("topic", "fixed_frame", "odometry", "deskew"), "beam_step_deg"
     if path.name.lower().endswith(CARMEN) and not path.is_dir():
