@@ -117,6 +117,15 @@ class BagOf:
             said = [self.make("geometry_msgs/PoseWithCovariance", *said, np.zeros(36))] if "Covariance" in kind else said
         self.put(topic, seconds, self.make(f"geometry_msgs/{kind}", self.header(parent, seconds), *said))
 
+    def path(self, topic, seconds, parent, poses):
+        """A path of `{seconds: pose}`."""
+        found = []
+        for each, pose in poses.items():
+            place, quaternion = self._pose(pose)
+            pose = self.make("geometry_msgs/Pose", self.make("geometry_msgs/Point", *place), quaternion)
+            found.append(self.make("geometry_msgs/PoseStamped", self.header(parent, each), pose))
+        self.put(topic, seconds, self.make("nav_msgs/Path", self.header(parent, seconds), found))
+
     def _pose(self, pose):
         place, quaternion = pose
         return map(float, place), self.make("geometry_msgs/Quaternion", *map(float, quaternion))

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bag_scene import CLOUDS, LIDAR_ON_BASE, MAP_ODOM, RANGES, base_in_odom
-from bag_writers import bag, moved, turned
+from bag_writers import KINDS, bag, moved, turned
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.bags import read_bag
@@ -218,3 +218,27 @@ def test_poses_that_are_not_read_are_named_where_others_are_missing(tmp_path):
         )
         with pytest.raises(InputError, match=told):
             read_bag(tmp_path / name)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_last_message_of_a_path_corrects_those_before(tmp_path, kind):
+    """As a SLAM's does that has closed a loop: what it had said of the same times is left behind."""
+    with bag(tmp_path / KINDS[kind], kind) as made:
+        for last in range(1, 4):
+            made.path("/slam/path", last, "map", {second: base_in_odom(second + 5) for second in range(last + 1)})
+        made.path("/slam/path", 4, "map", {second: base_in_odom(second) for second in range(4)})
+        made.cloud("/points", 1.35, "lidar", CLOUDS[0])
+    with pytest.warns(UserWarning, match="no transform says where lidar is on the robot; taken to be its origin$"):
+        found = read_bag(tmp_path / KINDS[kind], odometry="/slam/path")
+    np.testing.assert_allclose(found.points, moved(CLOUDS[0], base_in_odom(1.35)), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("poses", "got"), [({}, "got 0 at 0 times"), ({0: 0, 1: 5}, "got 2 at 1 times")])
+def test_a_path_without_times_is_refused(tmp_path, poses, got):
+    """A planner's may have one time for all that it means to drive through; of such poses each would hold for ever."""
+    with bag(tmp_path / "a.bag") as made:
+        made.header = lambda frame, seconds, header=made.header: header(frame, 0 if frame == "map" else seconds)
+        made.path("/plan", 0, "map", {key: base_in_odom(second) for key, second in poses.items()})
+        made.cloud("/points", 0.5, "lidar", CLOUDS[0])
+    with pytest.raises(InputError, match=f"a.bag: /plan: expected a path of poses that have each a time, {got}"):
+        read_bag(tmp_path / "a.bag", odometry="plan")

@@ -14,7 +14,9 @@ from hilbertvae.scans.transform_tree import TransformTree
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 """Two names of one type: the second is that of old ROS 1 bags."""
 ODOMETRY = "nav_msgs/msg/Odometry"
-POSES = tuple(f"geometry_msgs/msg/{kind}" for kind in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped"))
+PATH = "nav_msgs/msg/Path"
+"""The whole way so far in each message: a SLAM's corrects the ones before, so that the last one counts."""
+POSES = (*(f"geometry_msgs/msg/{kind}" for kind in ("PoseStamped", "PoseWithCovarianceStamped", "TransformStamped")), PATH)
 """Types of messages that have poses, and don't say of what in a way that holds everywhere: they are read where they are asked for."""
 FIXED_FRAMES = ("map", "odom")
 """What REP 105 calls the fixed frames, the better one first."""
@@ -71,6 +73,15 @@ class BagPoses:
             pose = getattr(message.pose, "pose", message.pose)
             one.track.add(nanoseconds(message.header.stamp), pose.position, pose.orientation)
         one.count += 1
+
+    def add_path(self, topic: str, message) -> None:
+        """The poses of a path; an `InputError` where they have no times of their own, as those that a planner means to drive through."""
+        for pose in message.poses:
+            self.add_odometry(topic, pose)
+        times = len({nanoseconds(pose.header.stamp) for pose in message.poses})
+        if not message.poses or times == 1 < len(message.poses):
+            raise InputError(f"{topic}: expected a path of poses that have each a time, got {len(message.poses)} at {times} times")
+        self.tracks[topic].frame = message.header.frame_id.lstrip("/") or self.tracks[topic].frame
 
     def at(self, sensor: str, stamp_ns: int) -> np.ndarray | None:
         """(4, 4): takes points of the sensor's frame to the fixed frame; None where nothing says so for that time. Of a registered cloud

@@ -52,8 +52,9 @@ class ReadingSettings:
     its odometry."""
     odometry: str | None = None
     """Of a bag: the topic of odometry that says where the sensor was, also where transforms do. By default one is taken where transforms
-    don't, that is of the sensor's robot, and of several the one with most messages. One of `PoseStamped`, `PoseWithCovarianceStamped` or
-    `TransformStamped` is taken where it is given here: the first two are poses of the sensor, since they don't say of what they are."""
+    don't, that is of the sensor's robot, and of several the one with most messages. One of `PoseStamped`,
+    `PoseWithCovarianceStamped`, `TransformStamped` or `Path` is taken where it is given here: of these only `TransformStamped` says of what
+    it is; the others are poses of the sensor. Of a `Path` the last message counts."""
     deskew: bool = True
     """Of a bag: beams are turned back one by one where its messages say when each was measured (a cloud's `t`, `time` or `timestamp`, a
     laser's `time_increment`). `deskew=off` is for clouds that were deskewed before and still have the field."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from pathlib import Path
 from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.bag_files import bag_parts, check_files, check_order
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, LIVOX_CLOUDS
-from hilbertvae.scans.bag_poses import ODOMETRY, POSES, TRANSFORMS, BagPoses, nanoseconds
+from hilbertvae.scans.bag_poses import ODOMETRY, PATH, POSES, TRANSFORMS, BagPoses, nanoseconds
 from hilbertvae.scans.file_points import named, reading
 from hilbertvae.scans.livox_messages import livox_cloud
 from hilbertvae.scans.point_times import usual_step_ns
@@ -104,12 +104,16 @@ class OpenedBag:
             odometries = asked
         found, transforms = BagPoses(fixed_frame, odometry, self.types[scan_topic] != LASER_SCAN), TransformTopics()
         found.unread = sorted(name for name, kind in self.types.items() if kind in POSES and self.counts[name] and name not in odometries)
-        used = {name for name, kind in self.types.items() if kind in TRANSFORMS} | odometries
+        paths = {name for name in odometries if self.types[name] == PATH}
+        used = {name for name, kind in self.types.items() if kind in TRANSFORMS} | odometries - paths
         for topic, _, message in self._messages(used):
             if topic in odometries:
                 found.add_odometry(topic, message)
             else:
                 transforms.add(topic, message.transforms)
+        for topic in paths:
+            with named(str(self.path)):
+                found.add_path(topic, self._last(topic))
         found.tree = transforms.tree(scan_topic)
         return found
 
@@ -126,11 +130,19 @@ class OpenedBag:
         return usual_step_ns(stamps)
 
     def _messages(self, topics: set[str], every: int = 1) -> Iterator[tuple[str, int, object]]:
-        wanted = [(reader, [each for each in reader.connections if each.topic in topics]) for reader in self.readers]
-        found = chain.from_iterable(reader.messages(connections) for reader, connections in wanted if connections)
-        for index, (connection, recorded_ns, data) in enumerate(found):
+        for index, (connection, recorded_ns, data) in enumerate(self._raw(topics)):
             if index % every == 0:
                 yield connection.topic, recorded_ns, self._message(connection, data)
+
+    def _last(self, topic: str) -> object:
+        """The last message of a topic that has some; those before are not parsed."""
+        ((connection, _, data),) = deque(self._raw({topic}), maxlen=1)
+        return self._message(connection, data)
+
+    def _raw(self, topics: set[str]) -> Iterator[tuple[object, int, bytes]]:
+        """rosbags' connection, the time of the recording, and the bytes of each message."""
+        wanted = [(reader, [each for each in reader.connections if each.topic in topics]) for reader in self.readers]
+        return chain.from_iterable(reader.messages(connections) for reader, connections in wanted if connections)
 
     def _message(self, connection, data: bytes) -> object:
         if connection.msgtype in LIVOX_CLOUDS:
