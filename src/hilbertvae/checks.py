@@ -127,12 +127,12 @@ def extra_module(extra: str, module: str, needs: str = "this needs") -> ModuleTy
         raise InputError(f"{needs} the extra '{extra}', and {missing}") from error
 
 
-def check_writable(output: Path) -> None:
-    """An `InputError` where no folder can be made or written, before any work is done for it."""
+def check_writable(output: Path, key: str = "output") -> None:
+    """An `InputError`, which names `key`, where no folder can be made or written, before any work is done for it."""
     if output.is_symlink() and not output.exists():
-        raise InputError(f"output: expected a folder, {output} is a link to nothing")
+        raise InputError(f"{key}: expected a folder, {output} is a link to nothing")
     there = next(folder for folder in (output, *output.resolve().parents) if folder.exists())
     if not there.is_dir():
-        raise InputError(f"output: expected a folder, {there} is a file")
+        raise InputError(f"{key}: expected a folder, {there} is a file")
     if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError(f"output: {there} can't be written")
+        raise InputError(f"{key}: {there} can't be written")

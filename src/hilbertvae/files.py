@@ -25,23 +25,37 @@ def atomic(path: str | os.PathLike) -> Iterator[Path]:
     """A temporary path beside `path`; it replaces `path` when the block ends well and is removed when it does not. An `OSError` that names
     no file, as of a full disk, or the temporary one, names `path`."""
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.parent / f".{path.stem}-{secrets.token_hex(4)}{path.suffix}"
+    with folder_made(path.parent):
+        try:
+            temporary.touch(exist_ok=False)
+            rights = temporary.stat().st_mode  # the umask itself can't be read but by changing it, for all threads
+            yield temporary
+            with open(temporary, "r+b") as written:  # Windows refuses fsync of what is read alone
+                os.fsync(written.fileno())
+            os.chmod(temporary, rights)  # safetensors puts a file of its own in the place
+            os.replace(temporary, path)
+        except OSError as error:
+            if error.filename in (None, str(temporary)):
+                raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from error
+            raise
+        finally:
+            with suppress(OSError):  # which would hide what went wrong before, as on a disk that can't be written
+                temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def folder_made(folder: Path) -> Iterator[None]:
+    """`folder` and its parents, made if need be; those that were are taken away again after a failure, unless they have files."""
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
     try:
-        temporary.touch(exist_ok=False)
-        rights = temporary.stat().st_mode  # the umask itself can't be read but by changing it, for all threads
-        yield temporary
-        with open(temporary, "r+b") as written:  # Windows refuses fsync of what is read alone
-            os.fsync(written.fileno())
-        os.chmod(temporary, rights)  # safetensors puts a file of its own in the place
-        os.replace(temporary, path)
-    except OSError as error:
-        if error.filename in (None, str(temporary)):
-            raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from error
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for place in made:
+                place.rmdir()
         raise
-    finally:
-        with suppress(OSError):  # which would hide what went wrong before, as on a disk that can't be written
-            temporary.unlink(missing_ok=True)
 
 
 def clear_temporary(folder: str | os.PathLike) -> None:

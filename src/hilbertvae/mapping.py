@@ -23,7 +23,6 @@ from hilbertvae.exports.map_folder import (
     writing_beside,
 )
 from hilbertvae.exports.map_picture import write_picture
-from hilbertvae.exports.octree import octree_shift
 from hilbertvae.exports.page import write_page
 from hilbertvae.exports.summary import map_summary, point_counts, summary_tables
 from hilbertvae.files import write_json
@@ -126,6 +125,9 @@ def _read(settings: MapSettings) -> Scans | GivenMap:
             raise InputError(f"{given[0]}: {settings.scans} is a map, where this has no meaning; leave it unset")
         return read_given_map(settings.scans)
     path = Path(settings.scans)
+    if path.suffix.lower() == ".safetensors" or (path / MAP).is_file():
+        ways = "give the scans again, or its map_observed.yaml, .ot or .bt; load_map and partial_fit add scans to it"
+        raise InputError(f"{path}: expected scans, got what hilbertvae has made; {ways}")
     if path.is_file() and not path.name.lower().endswith(EXTENSIONS):
         known = f"of scans {' '.join(EXTENSIONS)}, of maps {' '.join(MAPS)}"
         raise InputError(f"{path}: unknown extension {path.suffix!r}; known are {known}, and folders of scans")
@@ -153,9 +155,7 @@ def _write(settings: MapSettings, exports: list[str], cells: MapCells, points: d
     write_exports(exports, cells, folder, asked_for=settings.exports is not None)
     write_picture(cells, folder / PICTURE, name)
     clock.stop()
-    summary = {**map_summary(name, points, cells), **about, "seconds": clock.seconds}
-    if any((folder / f"map.{kind}").exists() for kind in ("ot", "bt")) and (shift := octree_shift(cells)).any():
-        summary["octomap_shift_m"] = (shift * cells.resolution_m)[: cells.dimension].tolist()
+    summary = {**map_summary(name, points, cells, folder), **about, "seconds": clock.seconds}
     write_page(cells, folder / PAGE, name, summary_tables(summary))
     files = sorted(file.name for file in folder.iterdir())
     write_json(folder / SUMMARY, {**summary, "scans_hash": scans_hash(Path(settings.scans)), "files": files, **made_by()})

@@ -158,6 +158,14 @@ def test_nothing_that_is_not_an_earlier_map_is_replaced_or_taken_away(room, tmp_
     assert (out / "data.csv").read_text() == "mine"
 
 
+def test_a_map_of_our_own_is_no_scans(room, tmp_path, capsys):
+    """Neither its folder, whose clouds and grids would pass for some, nor its file."""
+    out = make_map(MapSettings(scans=str(npz_of(room, tmp_path / "room.npz")), output=str(tmp_path / "out"), fill=False, exports=["npz"]))
+    for given in (out, out / "map.safetensors"):
+        assert map_command.main([f"scans={given}", f"output={tmp_path / 'again'}"]) == 2
+        assert f"{given}: expected scans, got what hilbertvae has made; give the scans again, or" in capsys.readouterr().err
+
+
 def test_the_map_that_is_filled_is_not_replaced(room, tmp_path, capsys):
     out = make_map(MapSettings(scans=str(npz_of(room, tmp_path / "room.npz")), output=str(tmp_path / "out"), fill=False))
     before = {path.name: path.read_bytes() for path in out.iterdir()}

@@ -1,5 +1,6 @@
 """`hilbertvae-query`: what it may replace, and that coordinates come out as they went in."""
 
+import errno
 import warnings
 
 import numpy as np
@@ -121,7 +122,7 @@ def test_a_third_coordinate_of_a_plan_is_left_out_with_a_word(folder, tmp_path, 
 
 def test_a_warning_is_a_line(tree, tmp_path, monkeypatch, capsys):
     """As other commands' are, and not the source of whoever gave it."""
-    np.savetxt(tmp_path / "asked.csv", np.zeros((1, 3)), delimiter=",")
+    np.savetxt(tmp_path / "asked.csv", [[2.25, 0, 0.25]], delimiter=",")
     monkeypatch.setattr(saved_map, "read_octree", lambda path: (warnings.warn("was filled before", stacklevel=2), read_octree(path))[1])
     with warnings.catch_warnings():
         warnings.simplefilter("always")
@@ -146,3 +147,49 @@ def test_rows_without_a_place_keep_theirs(folder, tmp_path, capsys):
     assert np.isnan(said["probability"]).tolist() == [False, True, True, False] and said["observed"].dtype == bool
     (tmp_path / "nowhere.csv").write_text("x,y\nnan,nan\n")
     assert query.main([f"map={folder}", f"points={tmp_path / 'nowhere.csv'}"]) == 2
+
+
+@pytest.mark.parametrize("far", [True, False])
+@pytest.mark.parametrize("kind", ["folder", "tree"])
+def test_points_off_the_map_are_told(kind, far, request, tmp_path, capsys):
+    """As those of another frame; some that lie a little beside it are not."""
+    asked, dimension = request.getfixturevalue(kind), 2 if kind == "folder" else 3
+    np.savetxt(tmp_path / "asked.csv", np.array([[0.0, 0, 0], [3.0, 1, 0]])[:, :dimension] + (500 if far else 0), delimiter=",")
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert query.main([f"map={asked}", f"points={tmp_path / 'asked.csv'}"]) == 0
+    told = capsys.readouterr()
+    assert len(told.out.splitlines()) == 3
+    assert ("all points lie off the map (x 500 to 503 m, y 500 to 501 m" in told.err) == far and told.err.count("\n") == far
+    if kind == "tree" and far:
+        assert "the map x 1.5 to 2.5 m, y -4 to 4 m, z 0 to 0.5 m)" in told.err
+
+
+def test_another_file_of_a_map_is_told_where_the_map_is(folder, tmp_path, capsys):
+    np.savetxt(tmp_path / "asked.csv", np.zeros((3, 2)), delimiter=",")
+    for name in ("map.npz", "map.png"):
+        assert query.main([f"map={folder / name}", f"points={tmp_path / 'asked.csv'}"]) == 2
+        assert f"the map in this folder is {folder / 'map.safetensors'}" in capsys.readouterr().err
+    (tmp_path / "floor.yaml").write_text("image: floor.pgm")
+    assert query.main([f"map={tmp_path / 'floor.yaml'}", f"points={tmp_path / 'asked.csv'}"]) == 2
+    assert "hilbertvae-map scans= makes one of a ROS map" in capsys.readouterr().err
+
+
+def test_the_ending_alone_says_how_answers_are_written(tree, tmp_path):
+    (tmp_path / "asked.csv").write_text("x,y,z\n2.25,0,0.25\n")
+    assert query.main([f"map={tree}", f"points={tmp_path / 'asked.csv'}", f"output={tmp_path / 'said.npz'}/"]) == 0
+    assert np.load(tmp_path / "said.npz")["observed"].tolist() == [True]
+
+
+def test_answers_that_can_not_be_written_leave_no_folder(tree, tmp_path, monkeypatch, capsys):
+    (tmp_path / "asked.csv").write_text("x,y,z\n2.25,0,0.25\n")
+    before = {*tmp_path.iterdir()}
+
+    def full(*given, **more):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savetxt", full)
+    assert query.main([f"map={tree}", f"points={tmp_path / 'asked.csv'}", f"output={tmp_path / 'new' / 'deep' / 'said.csv'}"]) == 2
+    assert "No space left" in capsys.readouterr().err and {*tmp_path.iterdir()} == before
+    assert query.main([f"map={tree}", f"points={tmp_path / 'asked.csv'}", f"output={tmp_path / 'asked.csv' / 'said.csv'}"]) == 2
+    assert "asked.csv is a file" in capsys.readouterr().err

@@ -6,15 +6,20 @@ import sys
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_writable
 from hilbertvae.commands.keywords import from_home, run_command
 from hilbertvae.files import atomic
 from hilbertvae.scans.planar import FLAT_M
 from hilbertvae.scans.point_files import read_points
 from hilbertvae.scans.rounded import warn_if_rounded
+
+if TYPE_CHECKING:
+    from hilbertvae.mappers.hilbert_map import HilbertMap
+    from hilbertvae.mappers.octomap_mapper import OctoMapMapper
 
 ABOUT = "Ask a map that hilbertvae-map wrote for p(occupied) at any points; one line of text per point."
 
@@ -46,6 +51,7 @@ def run(settings: QuerySettings) -> None:
         raise InputError("output: expected a name, since the standard output is closed; give output=<path>")
     map_file = map_path(settings.map)
     if settings.output:
+        check_writable(Path(settings.output).parent)
         _check_replaced(Path(settings.output), Path(settings.points), map_file)
     mapper = load_map(map_file)
     points = read_points(settings.points).points
@@ -60,11 +66,12 @@ def run(settings: QuerySettings) -> None:
     if not placed.all():
         nowhere = f"{np.count_nonzero(~placed)} of {len(points)} points have NaN or inf for a place"
         warnings.warn(f"{settings.points}: {nowhere}; their answers are nan", stacklevel=2)
+    _warn_if_off(settings.points, points[placed], mapper)
     # Each answer stands in the row of its point, as in the cloud that was asked.
     answers = {"probability": np.full(len(points), np.nan), "std": np.full(len(points), np.nan), "observed": np.zeros(len(points), bool)}
     for answer, said in zip(answers.values(), mapper.describe(points[placed]), strict=True):
         answer[placed] = said
-    if settings.output and settings.output.endswith(".npz"):
+    if settings.output and Path(settings.output).suffix == ".npz":
         with atomic(settings.output) as temporary:
             np.savez_compressed(temporary, points=points, **answers)
         return
@@ -76,6 +83,23 @@ def run(settings: QuerySettings) -> None:
             np.savetxt(temporary, table, shape, ",", header=",".join(names), comments="")
     else:
         np.savetxt(sys.stdout, table, shape, ",", header=",".join(names), comments="")
+
+
+def _warn_if_off(name: str, points: np.ndarray, mapper: HilbertMap | OctoMapMapper) -> None:
+    """A `UserWarning` where all points lie so far from a map that it says nothing of any, as those in another frame or unit do."""
+    from hilbertvae.drawing.field import REACH_M
+
+    if hasattr(mapper, "evidence_"):
+        low, high = mapper.evidence_.bounds()
+    else:
+        tree, shift = mapper.tree(), mapper.shift_ * mapper.resolution_
+        low, high = (np.asarray(end)[: len(shift)] + shift for end in (tree.getMetricMin(), tree.getMetricMax()))
+    if ((points < low - REACH_M) | (points > high + REACH_M)).any(axis=1).all():
+        said = [
+            ", ".join(f"{axis} {near:.6g} to {far:.6g} m" for axis, near, far in zip("xyz", *box, strict=False))
+            for box in ((points.min(axis=0), points.max(axis=0)), (low, high))
+        ]
+        warnings.warn(f"{name}: all points lie off the map ({said[0]}; the map {said[1]}); are they in its frame?", stacklevel=2)
 
 
 def _check_replaced(output: Path, points: Path, map_file: Path) -> None:

@@ -42,9 +42,11 @@ EXPORTS: dict[str, Export] = {
 
 
 def check_names(names: Sequence[str] | None) -> None:
-    """An `InputError` for a name that is no format, or one that needs an extra which is not installed."""
+    """An `InputError` for what is no list of formats' names, and for one that needs an extra which is not installed."""
+    if isinstance(names, str) or not isinstance(names, Sequence | None):
+        raise InputError(f"exports: expected a list, some of {', '.join(EXPORTS)}, got {names!r:.60}")
     for name in names or ():
-        if name not in EXPORTS:
+        if not isinstance(name, str) or name not in EXPORTS:
             raise InputError(f"exports: expected some of {', '.join(EXPORTS)}, got {name!r}")
         if EXPORTS[name].module and find_spec(EXPORTS[name].module) is None:
             raise InputError(f"exports: {name} needs the extra {name!r}: {how_to_install(name)}")

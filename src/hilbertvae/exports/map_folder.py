@@ -13,7 +13,7 @@ from filelock import FileLock
 
 from hilbertvae.checks import InputError
 from hilbertvae.exports.formats import EXPORTS
-from hilbertvae.files import hash_of, json_object, write_json
+from hilbertvae.files import folder_made, hash_of, json_object, write_json
 from hilbertvae.mappers.saved_map import ADAPTED, MAP
 from hilbertvae.signals import not_stopped
 
@@ -30,11 +30,12 @@ def scans_hash(scans: Path) -> str:
 
 
 def listed_files(output: Path) -> set[str]:
-    """The files of the map that is in a folder, by its summary, which may be another tool's."""
+    """The files of the map that is in a folder, by its summary, which may be another tool's. A folder of such a name is none."""
     try:
-        return OURS & set(json_object(output / SUMMARY)["files"])
+        named = OURS & set(json_object(output / SUMMARY)["files"])
     except (KeyError, TypeError):
         return set()
+    return {name for name in named if not (output / name).is_dir()}
 
 
 def is_of_a_map(path: Path) -> bool:
@@ -42,18 +43,31 @@ def is_of_a_map(path: Path) -> bool:
     return path.name in (OURS if (path.parent / MAP).exists() else listed_files(path.parent))
 
 
+def written_files(exports: Sequence[str]) -> set[str]:
+    """The names of all files that the formats `exports` write, and that of the summary."""
+    return {SUMMARY, *(name for kind in exports for name in EXPORTS[kind].files)}
+
+
+def check_replaced(output: Path, written: set[str], key: str) -> None:
+    """An `InputError`, which names `key`, where one of the files `written` would replace what no earlier map left in the folder."""
+    earlier = listed_files(output)
+    ours = earlier | ({SUMMARY} if earlier and not (output / SUMMARY).is_dir() else set())
+    for name in sorted(written - ours):
+        if os.path.lexists(output / name):
+            raise InputError(f"{key}: {output / name} was not left by an earlier map, and would be replaced; choose another folder")
+
+
 def check_output(output: Path, scans: Path, exports: list[str], by_name: bool, beside: Sequence[Path] = ()) -> None:
     """An `InputError` where writing would replace what is no earlier map of this command, or the very scans and what is read `beside` them;
     in a folder that was not chosen but named after the scans, `by_name`, also where the earlier map is of others."""
-    written = {MAP, ADAPTED, PICTURE, PAGE, SUMMARY, *(name for kind in exports for name in EXPORTS[kind].files)}
+    written = {MAP, ADAPTED, PICTURE, PAGE, *written_files(exports)}
     there = {name for name in written if (output / name).exists()}
     earlier = listed_files(output)
     for read in (scans, *beside):
         named = {(place.parent.resolve(), place.name) for place in (read, read.resolve())}  # a link, and what it leads to
         if any(folder == output.resolve() and name in there | earlier for folder, name in named):
             raise InputError(f"output: {read} is what is read, and would be replaced or removed; choose another folder")
-    for name in sorted(there - earlier - ({SUMMARY} if earlier else set())):
-        raise InputError(f"output: {output / name} was not left by an earlier map, and would be replaced; choose another folder")
+    check_replaced(output, written, "output")
     if by_name and earlier and json_object(output / SUMMARY).get("scans_hash") not in (None, scans_hash(scans)):
         raise InputError(
             f"output: {output} has the map of scans of that name from another place, and would be replaced; choose a folder with output="
@@ -79,22 +93,18 @@ def replace_map(folder: Path, output: Path, files: list[str]) -> None:
 def writing_beside(output: Path) -> Iterator[Path]:
     """A temporary folder in `output`; that and its parents are made if need be, and then taken away again after a failure. Those of runs
     that were ended by force are taken away, too."""
-    made = [folder for folder in (output, *output.parents) if not folder.exists()]
-    output.mkdir(parents=True, exist_ok=True)
-    _clear_left(output)
-    try:
-        with tempfile.TemporaryDirectory(prefix=WRITING, dir=output) as folder, _held(Path(folder)):
-            files = Path(folder) / "files"
-            files.mkdir()
-            yield files
-    except BaseException as error:
-        with suppress(OSError):
-            for folder in made:
-                folder.rmdir()
-        # A full disk says nothing but that, or names a file in the temporary folder, which nobody asked for.
-        if isinstance(error, OSError) and error.errno and (error.filename is None or f"{os.sep}{WRITING}" in str(error.filename)):
-            raise OSError(error.errno, error.strerror, str(output)) from error
-        raise
+    with folder_made(output):
+        _clear_left(output)
+        try:
+            with tempfile.TemporaryDirectory(prefix=WRITING, dir=output) as folder, _held(Path(folder)):
+                files = Path(folder) / "files"
+                files.mkdir()
+                yield files
+        except OSError as error:
+            # A full disk says nothing but that, or names a file in the temporary folder, which nobody asked for.
+            if error.errno and (error.filename is None or f"{os.sep}{WRITING}" in str(error.filename)):
+                raise OSError(error.errno, error.strerror, str(output)) from error
+            raise
 
 
 @contextmanager

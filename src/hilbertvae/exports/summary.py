@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from hilbertvae.cloud import Cloud
 from hilbertvae.exports.map_cells import MapCells
+from hilbertvae.exports.octree import octree_shift
 from hilbertvae.scans.scan import Scans
 
+OCTREES = ("ot", "bt")
+"""The formats that may be shifted."""
 KINDS = ("occupied", "free", "unknown")
 
 
@@ -20,15 +25,18 @@ def point_counts(cloud: Cloud, scans: Scans | None = None) -> dict[str, int]:
     return {**read, "occupied": int(cloud.occupied.sum()), "free": int((~cloud.occupied).sum())}
 
 
-def map_summary(name: str, points: dict[str, int], cells: MapCells) -> dict:
+def map_summary(name: str, points: dict[str, int], cells: MapCells, folder: Path) -> dict:
     """Plain values: extent in metres, `points` as they were counted, and cells by what they are before and after.
 
-    unknown counts the cells of the smallest box that holds all known ones; `filled` those that were not observed.
+    unknown counts the cells of the smallest box that holds all known ones; `filled` those that were not observed. folder: has the files;
+    by how much OctoMap's are shifted is told, where they are.
     """
     low, shape = cells.box()
     whole = int(np.prod([float(length) for length in shape]))
     filled = cells.select(~cells.observed)
     before, after = _counts(cells.select(cells.observed), whole), _counts(cells, whole)
+    written = any((folder / f"map.{kind}").exists() for kind in OCTREES)
+    shift = octree_shift(cells)[: cells.dimension] * cells.resolution_m if written else np.zeros(cells.dimension)
     return {
         "name": name,
         "dimension": cells.dimension,
@@ -36,6 +44,7 @@ def map_summary(name: str, points: dict[str, int], cells: MapCells) -> dict:
         "extent_m": {"low": (low * cells.resolution_m).tolist(), "high": ((low + shape) * cells.resolution_m).tolist()},
         "points": points,
         "cells": {"before": before, "after": after, "filled": _counts(filled, len(filled))},
+        **({"octomap_shift_m": shift.tolist()} if shift.any() else {}),
     }
 
 

@@ -127,11 +127,18 @@ def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = Non
         return _restored(described, arrays, network, device)
     except (SafetensorError, OSError) as error:
         wanted = "expected a file that save_map wrote, as map.safetensors of hilbertvae-map is"
-        raise InputError(f"{path}: not a map of hilbertvae, or damaged ({error}); {wanted}") from error
+        raise InputError(f"{path}: not a map of hilbertvae, or damaged ({error}); {wanted}{_instead(path)}") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     except (KeyError, TypeError, ValueError, AttributeError, IndexError, OverflowError, RecursionError) as error:
         raise InputError(f"{path}: the map's settings and arrays don't fit together ({error!r})") from error
+
+
+def _instead(path: Path) -> str:
+    """What to give for another file of a map: most are pictures and grids, which say nothing between and beyond their cells."""
+    if path.name != MAP and (path.parent / MAP).is_file():
+        return f"; the map in this folder is {path.parent / MAP}"
+    return "; hilbertvae-map scans= makes one of a ROS map" if path.suffix.lower() in (".yaml", ".yml", ".pgm") else ""
 
 
 def _another(found: str) -> str:
