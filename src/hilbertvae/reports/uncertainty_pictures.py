@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.special import expit
 
-from hilbertvae.drawing.canvas import new_figure, outline_gaps, probability_bar, scale_bar, show_codes, show_probability
+from hilbertvae.drawing.canvas import new_figure, outline_gaps, probability_bar, row_label, scale_bar, show_codes, show_probability
 from hilbertvae.drawing.colours import UNCERTAINTY, WIDEST_STD
 from hilbertvae.drawing.raster import Raster
 from hilbertvae.gaps import Gaps
@@ -49,7 +49,7 @@ def uncertainty_picture(mapper: HilbertMap, site: Site, gaps: Gaps, chosen: list
             axes.set(xticks=[], yticks=[])
             outline_gaps(axes, gaps, height_m, linewidth=1.5)
             axes.set(xlim=raster.extent[:2], ylim=raster.extent[2:])
-        line[0].set_ylabel(f"gap {gap + 1}", fontsize=10)
+        row_label(line[0], f"gap {gap + 1}")
     for axes, title in zip(panels[0], titles, strict=True):
         axes.set_title(title, fontsize=9, pad=3)
     scale_bar(panels[0, 0])
