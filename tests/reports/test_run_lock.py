@@ -66,8 +66,9 @@ def test_what_killed_runs_had_half_written_goes(tmp_path):
     program = f"""
 import os, signal
 from hilbertvae.files import atomic
-for name in ("result.json", "checkpoints/best.ckpt", "checkpoints/last", "others/model.ckpt"):
-    block = atomic({str(tmp_path)!r} + "/" + name)
+names = ("result.json", "checkpoints/best.ckpt", "checkpoints/last", "others/model.ckpt")
+blocks = [atomic({str(tmp_path)!r} + "/" + name) for name in names]
+for block in blocks:  # of which none may be let go before the end, when it would clear up
     block.__enter__().write_text("half")
 os.kill(os.getpid(), signal.SIGKILL)
 """
