@@ -43,6 +43,16 @@ def refuse_more_than_numbers(points, name: str) -> None:
         raise InputError(f"{name}: expected no masked values, got {np.count_nonzero(np.ma.getmaskarray(points))}; leave them out")
 
 
+def labels_alike(labels):
+    """Labels that came as objects, as a data frame's column may, as an array of what they are; an `InputError` where kinds are mixed."""
+    if getattr(labels, "ndim", 1) != 1 or (found := np.asarray(labels)).dtype != object or found.ndim != 1:
+        return labels
+    plain = [label.item() if isinstance(label, np.generic) else label for label in found.tolist()]
+    if len(kinds := sorted({type(label).__name__ for label in plain})) > 1:
+        raise InputError(f"y: expected labels of one kind, got {' and '.join(kinds)}")
+    return np.array(plain)
+
+
 def check_positive(value: float, name: str) -> float:
     """`value` as a positive finite float; an `InputError` otherwise."""
     if not _is_number(value) or value <= 0:

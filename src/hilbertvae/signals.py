@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import TypeVar
 
+T = TypeVar("T")
 STOPS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
@@ -30,20 +33,42 @@ def stopped_by_signals() -> Iterator[None]:
         _restore(before)
 
 
-@contextmanager
-def not_stopped() -> Iterator[None]:
-    """Ctrl-C and `STOPS` that come while this runs, which has to be short, are acted on when it is done."""
+def to_its_end(work: Callable[[], T]) -> T:
+    """What `work` returns, which has to be short: what a signal's handler raises meanwhile, as Ctrl-C does, is raised when it is done.
+
+    Handlers raise in the main thread, so another one works while that waits. They stay as they are: those of somebody's program may be
+    of C, as a robot's middleware has them, and Python could neither see them nor set them again.
+    """
     if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-    before = {number: signal.signal(number, lambda number, frame: came.append(number)) for number in (signal.SIGINT, *STOPS)}
+        return work()
+    begun, done, outcome = threading.Lock(), threading.Lock(), []
+
+    def run() -> None:
+        if begun.acquire(blocking=False):
+            try:
+                outcome.append((work(), None))
+            except BaseException as error:
+                outcome.append((None, error))
+        done.release()
+
+    done.acquire()
+    stop = None
     try:
-        yield
-    finally:
-        _restore(before)
-        for number in dict.fromkeys(came):
-            signal.raise_signal(number)
+        _thread.start_new_thread(run, ())  # in one step; `Thread.start` waits in Python, where a stop leaves locks astray
+        done.acquire()
+    except BaseException as error:
+        if begun.acquire(blocking=False):  # before it began; then it never will
+            raise
+        stop = error
+        while not outcome:
+            with suppress(KeyboardInterrupt):  # a second one; it is on its way out
+                done.acquire(timeout=0.1)
+    if stop is not None:
+        raise stop
+    result, failed = outcome[0]
+    if failed is not None:
+        raise failed
+    return result
 
 
 def comes_of_a_stop(error: BaseException, handled: BaseException | None = None) -> bool:

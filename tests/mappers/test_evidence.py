@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import fit_cloud
+from hilbertvae.mappers import evidence as evidence_module
 from hilbertvae.mappers.evidence import NONE, Evidence
 from hilbertvae.voxel_votes import voxel_index
 
@@ -115,6 +116,39 @@ def test_away_is_the_distance_to_a_return_where_something_was_seen_near(dimensio
     assert np.isinf(nothing.away(queries)).all()
     free = Evidence(points, np.zeros(len(points), bool), weight, 0.1)
     assert set(free.away(queries[near])) == {2.5}
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_how_far_few_queries_are_is_looked_up_around_them(dimension, monkeypatch):
+    """Not in all of a large map that has changed; after many, in all of it, once."""
+    rng, made = np.random.default_rng(0), []
+    points = np.column_stack([np.linspace(0, 200, 4000), *rng.uniform(-1, 1, (dimension - 1, 4000))])
+    queries = np.column_stack([rng.uniform(-5, 205, 300), *rng.uniform(-5, 5, (dimension - 1, 300))])
+    evidence = Evidence(points, np.arange(4000) % 3 == 0, np.ones(4000), 0.1)
+    whole = Evidence(points, np.arange(4000) % 3 == 0, np.ones(4000), 0.1)
+    usual = evidence_module.Nearness
+    monkeypatch.setattr(evidence_module, "Nearness", lambda middles, *rest: (made.append(len(middles)), usual(middles, *rest))[1])
+    expected = whole.away(queries)
+    assert made == [len(whole)]
+    made.clear()
+    np.testing.assert_array_equal([evidence.away(query[None])[0] for query in queries], expected)
+    assert max(made[:-1]) < 0.1 * len(evidence) and made[-1] == len(evidence) and sum(made[:-1]) < 0.7 * len(evidence)
+    made.clear()
+    for again in (points[:5], points[:5] + 1e-6):
+        evidence.add(again, np.arange(5) % 3 == 0, np.ones(5))  # nothing new
+    evidence.away(queries)
+    assert not made
+    evidence.add(points[1:2], np.ones(1, bool), np.ones(1))  # the first return in what was free
+    evidence.away(queries[:1])
+    assert len(made) == 1
+    assert np.isinf(evidence.away(np.full((1, dimension), 1e100))).all()
+
+
+def test_weights_that_leave_no_digits_are_refused():
+    evidence, one = Evidence(np.zeros((1, 2)), np.ones(1, bool), np.ones(1), 0.1), np.full((1, 2), 3.0)
+    with pytest.raises(InputError, match=r"sample_weight: expected at most 1e\+12, got 1e\+300"):
+        evidence.add(one, np.ones(1, bool), np.full(1, 1e300))
+    assert len(evidence) == 1
 
 
 def test_rows_do_not_wrap_into_one_another():

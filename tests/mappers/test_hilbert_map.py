@@ -261,7 +261,7 @@ def test_without_filling_it_knows_what_was_observed_alone(place):
 
 
 def test_what_answers_are_looked_up_with_is_made_once_whatever_the_threads(room, monkeypatch):
-    """Queries beyond all boxes, too, which ask how far away returns are."""
+    """Queries beyond all boxes, too, which ask how far away returns are: a few of what lies around them, more of all that was seen."""
     mapper = fit(HilbertMap(reconstructor()), room.fit)
     mapper.chunk, made = 50, []
     queries = np.random.default_rng(0).uniform(-3, 13, (2000, 2))
@@ -270,4 +270,7 @@ def test_what_answers_are_looked_up_with_is_made_once_whatever_the_threads(room,
         monkeypatch.setattr(module, name, lambda *given, name=name, slow=slow: (time.sleep(0.02), made.append(name), slow(*given))[-1])
     monkeypatch.setattr(cores_module, "cores", lambda: 8)
     mapper.predict_proba(queries)
-    assert sorted(made) == ["FrameIndex", "Nearness"]
+    assert made.count("FrameIndex") == 1 and made.count("Nearness") <= 4
+    made.clear()
+    mapper.predict_proba(queries)
+    assert not made

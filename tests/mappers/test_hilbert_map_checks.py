@@ -210,3 +210,30 @@ def test_a_choice_that_is_none_is_named_in_a_map_that_grows_too(room, setting):
     mapper = fit(HilbertMap(reconstructor()), cloud).set_params(**{setting: "off"})
     with pytest.raises(InputError, match=f"{setting}: expected True or False, got 'off'"):
         mapper.partial_fit(cloud.points, cloud.occupied)
+
+
+def test_features_are_of_a_fitted_map(room):
+    with pytest.raises(NotFittedError):
+        HilbertMap(reconstructor()).features(np.zeros((1, 2)))
+    with pytest.raises(InputError, match="queries: .*NaN"):
+        fit(HilbertMap(grid=tiny_grid()), gapped(room)).features([[0.0, np.nan]])
+
+
+def test_labels_that_came_as_objects_are_what_they_are(room):
+    """As a column of a data frame has them."""
+    cloud, labels = gapped(room), gapped(room).occupied
+    queries = cloud.points[:50]
+    told = fit(HilbertMap(grid=tiny_grid()), cloud)
+    for given in (labels.astype(object), np.array([np.bool_(label) for label in labels], dtype=object), list(map(bool, labels))):
+        mapper = HilbertMap(grid=tiny_grid()).fit(cloud.points, given, cloud.weight)
+        assert mapper.classes_.tolist() == [False, True] and mapper.classes_.dtype == bool
+        np.testing.assert_array_equal(mapper.predict_proba(queries), told.predict_proba(queries))
+    words = np.where(labels, "wall", "air").astype(object)
+    with pytest.warns(UserWarning, match="'wall', the later of the two") as warned:
+        assert HilbertMap(grid=tiny_grid()).fit(cloud.points, words, cloud.weight).classes_.tolist() == ["air", "wall"]
+        HilbertMap(grid=tiny_grid()).partial_fit(cloud.points, words, cloud.weight)
+        HilbertMap(grid=tiny_grid()).partial_fit(cloud.points, words, cloud.weight, classes=["air", "wall"])
+    assert [warning.filename for warning in warned] == [__file__] * 3  # where it was called
+    words[0] = 1
+    with pytest.raises(InputError, match="y: expected labels of one kind, got int and str"):
+        HilbertMap(grid=tiny_grid()).fit(cloud.points, words)

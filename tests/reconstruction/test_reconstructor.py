@@ -291,3 +291,10 @@ def test_a_default_of_torch_changes_no_network(tmp_path):
         assert Reconstructor.load(path).fingerprint() == usual
     finally:
         torch.set_default_dtype(before)
+
+
+def test_loading_draws_no_random_numbers(tmp_path):
+    """Of the caller's, whose program they are."""
+    path, before = tiny_reconstructor().save(tmp_path / "model.safetensors"), torch.get_rng_state()
+    Reconstructor.load(path).check_cells(8)
+    assert torch.equal(torch.get_rng_state(), before)

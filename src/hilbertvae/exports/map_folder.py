@@ -15,7 +15,7 @@ from hilbertvae.checks import InputError
 from hilbertvae.exports.formats import EXPORTS
 from hilbertvae.files import folder_made, hash_of, json_object, write_json
 from hilbertvae.mappers.saved_map import ADAPTED, MAP
-from hilbertvae.signals import not_stopped
+from hilbertvae.signals import to_its_end
 
 PICTURE, PAGE, SUMMARY = "map.png", "summary.html", "summary.json"
 OURS = {MAP, ADAPTED, PICTURE, PAGE, *(name for kind in EXPORTS.values() for name in kind.files)}
@@ -81,12 +81,15 @@ def replace_map(folder: Path, output: Path, files: list[str]) -> None:
     summary that says `"unfinished": true`.
     """
     earlier = listed_files(output)
-    with not_stopped():
+
+    def replace() -> None:
         write_json(output / SUMMARY, {"files": sorted({*earlier, *files}), "unfinished": True})
         for file in (*files, SUMMARY):
             os.replace(folder / file, output / file)
         for file in earlier - {*files, SUMMARY}:
             (output / file).unlink(missing_ok=True)
+
+    to_its_end(replace)
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import numpy as np
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.mappers.growing_array import GrowingArray
-from hilbertvae.mappers.nearness import Nearness
+from hilbertvae.mappers.nearness import SEEN_NEAR_M, Nearness
 from hilbertvae.mappers.vote_share import SHARES, share_features
 from hilbertvae.mappers.voxel_bricks import NONE, VoxelBricks
 from hilbertvae.sums import sums_by
@@ -18,6 +18,7 @@ from hilbertvae.voxel_votes import MARGIN, voxel_index
 FAR_VOXELS = 2.0
 """Distances are cut off here: the block of neighbours that is searched reaches no farther."""
 NEAREST_HITS = 3
+HEAVIEST = 1e12  # of a point's weight: sums of votes lose what is so much less
 BRICKS_AT_ONCE = 64
 """Few enough that their votes stay in the processor's cache. Changes no number."""
 
@@ -40,8 +41,8 @@ class Evidence:
         self.dimension = dimension = points.shape[1]
         self.bricks = VoxelBricks(dimension)
         self._brick_m = self.bricks.side * resolution_m
-        self._changes = 0
-        self._found: tuple[int, Nearness] | None = None
+        self._near: Nearness | None = None
+        self._looked_at = 0
         self._place, self._features = GrowingArray(np.zeros(1, np.int64)), GrowingArray(np.zeros((1, 4)))
         self._hits, self._frees = GrowingArray(np.zeros(1)), GrowingArray(np.zeros(1))
         self._hit_mean, self._free_mean = ([GrowingArray(np.full(1, np.inf, np.float32)) for _ in range(dimension)] for _ in range(2))
@@ -103,8 +104,10 @@ class Evidence:
         """Add a cloud at the cost of what it touches: counts add up, and mean positions go by count.
 
         Returns the rows (T,) of the voxels in which it lies, and which hits and frees (T,) each had before. Raises `InputError`, and adds
-        nothing, for points that lie too far from the others.
+        nothing, for points that lie too far from the others, and weights above `HEAVIEST`.
         """
+        if (heaviest := weight.max(initial=0)) > HEAVIEST:
+            raise InputError(f"sample_weight: expected at most {HEAVIEST:g}, got {heaviest:g}")
         index = voxel_index(points, self.resolution_m)
         try:
             row, fresh = self.bricks.add(index)
@@ -120,10 +123,11 @@ class Evidence:
             if counted.any():
                 _merge(votes, mean, touched, position[counted], weight[counted], local[counted])
         self._find_features(self.bricks.with_voxels(self.places[touched]))
+        if len(fresh) or ((before[0] == 0) & (self.hits[touched] > 0)).any():
+            self._near, self._looked_at = None, 0
         return touched, *before
 
     def _make_room(self, places: np.ndarray) -> None:
-        self._changes += 1
         count = len(places)
         self._place.append(places)
         for votes in (self._hits, self._frees):
@@ -159,16 +163,26 @@ class Evidence:
 
     def away(self, queries: np.ndarray) -> np.ndarray:
         """`Nearness.away` of (Q, D) queries; infinite where nothing was seen at all."""
-        return self._nearness().away(queries) if len(self) and len(queries) else np.full(len(queries), np.inf)
+        return self._nearness(queries).away(queries) if len(self) and len(queries) else np.full(len(queries), np.inf)
 
-    def _nearness(self) -> Nearness:
-        """Made anew after `add`, by one of the threads that ask."""
+    def _nearness(self, queries: np.ndarray) -> Nearness:
+        """Made by one of the threads that ask: of what lies around `queries (Q, D)`, so that few don't wait for all of a large map that has
+        changed; of all once half of it was looked at since."""
         with _ONE_AT_A_TIME:
-            if self._found is None or self._found[0] != self._changes:
-                middles = (self.bricks.indices(self.places[1:]) + 0.5) * self.resolution_m
-                bricks = (self.bricks.corners + 0.5) * self._brick_m
-                self._found = self._changes, Nearness(middles, self.hits[1:] > 0, bricks, self._brick_m)
-            return self._found[1]
+            if self._near is None:
+                corners = self.bricks.corners * self._brick_m
+                low, high = queries.min(axis=0) - SEEN_NEAR_M - self._brick_m, queries.max(axis=0) + SEEN_NEAR_M
+                around = np.flatnonzero(((corners >= low) & (corners <= high)).all(axis=1))
+                self._looked_at += len(around)
+                if 2 * self._looked_at <= len(corners):
+                    return self._near_in(around)
+                self._near = self._near_in(np.arange(len(corners)))
+            return self._near
+
+    def _near_in(self, bricks: np.ndarray) -> Nearness:
+        rows, index = self.bricks.voxels(bricks)
+        middles = (index + 0.5) * self.resolution_m
+        return Nearness(middles, self.hits[rows] > 0, (self.bricks.corners[bricks] + 0.5) * self._brick_m, self._brick_m)
 
     def features(self, queries: np.ndarray, voxel: np.ndarray) -> np.ndarray:
         """(Q, F) what the Hilbert Map is told of `queries (Q, D)` in the seen voxels `voxel (Q,)`.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
@@ -13,8 +13,10 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.grids.frame import Frames
 from hilbertvae.mappers.completing_mapper import CompletingMapper
 from hilbertvae.mappers.growing_clusters import GrowingClusters
+from hilbertvae.mappers.mapper import answer_in_chunks
+from hilbertvae.mappers.turns import turn_of
 from hilbertvae.reconstruction.completion import Completion
-from hilbertvae.signals import not_stopped
+from hilbertvae.signals import to_its_end
 
 GROWN = ("seeds_", "small_seeds_", "frames_", "grids_", "known_")
 """What a map shows of its growing clusters."""
@@ -28,14 +30,16 @@ class GrowingMapper(CompletingMapper):
     def partial_fit(self, points, y, sample_weight=None, reconstruct=True, classes=None):
         """Add a scan to the map, or begin one, and reconstruct the clusters that it touches. Arguments as of `fit`; one class is enough.
 
-        Give each scan as `cloud_from_scans` makes it: a voxel's points count as one at their mean, so that scans add up to the `fit` cloud
-        of all of them, and grids to those that `fit` would make in the same boxes. A return farther than the inner radius from every
-        seed becomes a seed, whatever `grid.start` says.
+        Give each scan as `cloud_from_scans` makes it, in the map's own cells (`resolution_m`): a voxel's points count as one at their mean,
+        so that scans add up to the `fit` cloud of all of them, and grids to those that `fit` would make in the same boxes. A return
+        farther than the inner radius from every seed becomes a seed, whatever `grid.start` says.
 
-        With `reconstruct=False` queries reconstruct what they need of it: the boxes that answer them, for all scans since. No other thread
-        may ask meanwhile, here or there. `classes`, the two labels that there are, the lesser, which is free, first (scikit-learn has them
-        so), are for a first scan with one label alone; False and True need none. Raises `InputError` as `fit` does, for labels that the map
-        does not know, and for a map with `weights="cluster"`, which are fitted on a whole site.
+        With `reconstruct=False` queries reconstruct what they need of it: the boxes that answer them, for all scans since. Threads take
+        turns from the second scan on: one that asks waits until a scan is added, and reconstructed, and the other way round.
+
+        `classes`, the two labels that there are, the lesser, which is free, first (scikit-learn has them so), are for a first scan with one
+        label alone; False and True need none. Raises `InputError` as `fit` does, for labels that the map does not know, and for a map with
+        `weights="cluster"`, which are fitted on a whole site.
 
         Stopped while it reconstructs (Ctrl-C), a first scan is taken back, but a later one stays in the map: don't give it again; what is
         left of its clusters is reconstructed by the next query, or by `settle`.
@@ -50,7 +54,7 @@ class GrowingMapper(CompletingMapper):
             raise InputError("reconstructor: expected the one that the map's grids are of for partial_fit; fit the map anew with another")
         if first and self.adapt_steps:
             raise InputError("adapt_steps: expected 0 to begin a map with partial_fit; only fit has a site to learn from")
-        with self._restored_on_failure() if first else nullcontext():  # later scans are refused before anything is altered
+        with turn_of(self), self._restored_on_failure() if first else nullcontext():  # later scans are refused before anything is altered
             self._add(points, y, sample_weight, classes, first)
             return self.settle() if reconstruct else self
 
@@ -59,7 +63,7 @@ class GrowingMapper(CompletingMapper):
         self._check_whole()
         self._check_network(points.shape[1])  # a loaded map's is looked for now, before anything is altered
         if first:
-            occupied = self._learn_labels(y, both=False) if classes is None else self._named_labels(y, classes)
+            occupied = self._learn_labels(y, both=False, stacklevel=4) if classes is None else self._named_labels(y, classes)
             cloud = Cloud(points, occupied, weight)
             self._start_without_clusters(cloud.select(slice(0)))
         else:
@@ -72,9 +76,11 @@ class GrowingMapper(CompletingMapper):
             self._growing = GrowingClusters(self.evidence_, *settings, self.seeds_, self.frames_, completed, self.small_seeds_)
         growing = self._growing
         growing.draw = self.seed  # as it is set now, and in the map's file
-        with not_stopped():  # half a scan's votes can't be taken back
-            growing.add(cloud)
-            self._show_grown()
+        to_its_end(lambda: self._grow(cloud))  # half a scan's votes can't be taken back
+
+    def _grow(self, cloud: Cloud) -> None:
+        self._growing.add(cloud)
+        self._show_grown()
 
     def _show_grown(self) -> None:
         """The clusters and grids as they have grown, without a copy."""
@@ -100,9 +106,14 @@ class GrowingMapper(CompletingMapper):
     def settle(self, queries: np.ndarray | None = None):
         """Reconstruct what scans have changed; given `queries (Q, D)`, only the boxes that answer them, as each query does by itself."""
         check_is_fitted(self)
+        with self._turn():
+            self._settle(queries)
+        return self
+
+    def _settle(self, queries: np.ndarray | None) -> None:
         self._check_whole()
         if self._growing is None or not self._growing.stale.any():
-            return self
+            return
         wanted = None
         if queries is not None:
             asked = np.zeros(len(self.frames_) + 1, bool)  # the last for queries that fewer boxes hold
@@ -111,7 +122,20 @@ class GrowingMapper(CompletingMapper):
             wanted = asked[:-1]
         self._growing.settle(self._completed_as_sampled, wanted)
         self.grids_, self.known_ = self._growing.completed.value, self._growing.completed.known  # a pickle's are copies
-        return self
+
+    def _turn(self) -> AbstractContextManager:
+        """Where scans were added, more may come meanwhile from other threads."""
+        return nullcontext() if self._growing is None else turn_of(self)
+
+    def predict_proba(self, queries) -> np.ndarray:
+        with self._turn():
+            return super().predict_proba(queries)
+
+    def _answer(self, answer: Callable[[np.ndarray], np.ndarray], queries, columns: int | None = None) -> np.ndarray:
+        """(Q,) or (Q, columns) what `answer` says of `queries (Q, D)`, of a map that nothing is added to meanwhile."""
+        check_is_fitted(self)
+        with self._turn():
+            return answer_in_chunks(answer, self._checked(queries), self.chunk, columns)
 
     def _completed_as_sampled(self, cloud_in: Callable[[Frames], Cloud], frames: Frames) -> Iterator[tuple[slice, Completion]]:
         """`_completed_parts` of the evidence's own clouds."""

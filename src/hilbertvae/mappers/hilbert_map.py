@@ -21,7 +21,7 @@ from hilbertvae.mappers.cluster_weights import cluster_factors, hide_gaps
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
-from hilbertvae.mappers.mapper import Mapper, answer_in_chunks
+from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.weights import RankWeights, disagreement, learned_weights, unit_weights
 
 if TYPE_CHECKING:  # late: a saved map answers without torch
@@ -44,16 +44,17 @@ class HilbertMap(GrowingMapper):
     weights: `rank` (learned on the validation site, kept with the network), `unit`, or `cluster` (refitted on this site). Raw grids, and
         a network without learned weights, have `unit` ones in the place of `rank`, and no calibration.
     calibration: the reading that `rank` weights were fitted on: `voxels`, for probabilities, or `points`, for the cut of 0.6.
-    neighbours: K, how many grids answer a query. `rank` weights belong to one K and are learned anew for another (`calibration.py`).
+    neighbours: K, how many grids answer a query. `rank` weights belong to one K: only trainings and scorings learn them for another.
     inner_radius_m: how far clusters stand apart; as in training unless given.
     flips: symmetries over which a reconstruction is averaged, 1, 2, 4 or 8; `FLIPS` of the dimension unless given.
     fill: without, there are no grids, and the map has what was observed alone.
     evidence: whether what was observed in a query's voxel is added; the paper's own map knows only its grids.
     ridge: of the `cluster` rule, towards the `rank` weights.
-    grid, resolution_m: as the network was trained, unless given; without one, boxes of some 6.4 m and cells that are voxels.
+    grid, resolution_m: as the network was trained, unless given; without one, boxes of some 6.4 m and cells that are voxels. Clouds have to
+        be made in cells of the same size: `cloud_from_scans(..., resolution_m=...)`.
     adapt_steps: for how many steps the network goes on learning from the site itself in `fit`, from gaps cut for that (`adaptation.py`).
         50 bring most of what there is to gain, in seconds to half a minute in 2D, by processor; 0, the default, leaves it as it is.
-    seed: of where clusters are. device: where the network computes, `cpu` or `cuda`.
+    seed: of where clusters are, which in `fit` follows the order of points, too. device: where the network computes, `cpu` or `cuda`.
     All take effect with the next `fit`; `seed` and `device` also where a map grows.
     """
 
@@ -152,6 +153,11 @@ class HilbertMap(GrowingMapper):
     def features(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
         """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, the evidence
         (S, F) of those whose was, and how far away (Q,) returns are from those that no box holds (`Evidence.away`)."""
+        check_is_fitted(self)
+        with self._turn():
+            return self._phi(self._checked(queries))
+
+    def _phi(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
         phi = self._features(queries, *self._look_up(queries, self.grids_), self.evidence_.find(queries))
         away, beyond = np.full(len(queries), np.inf), (phi[1] == 0) & ~phi[2] & (self.evidence_joins_ and self.fills_)
         away[beyond] = self.evidence_.away(queries[beyond])
@@ -169,15 +175,14 @@ class HilbertMap(GrowingMapper):
         return values, (holding != NONE).sum(axis=1), seen, self.evidence_.features(queries[seen], voxel[seen])
 
     def _probability(self, queries):
-        return expit(self.rank_weights_.logit(*self.features(queries)))
+        return expit(self.rank_weights_.logit(*self._phi(queries)))
 
     def predict_map(self, queries) -> np.ndarray:
         """(Q,) p(occupied), faded to 0.5 where it is less likely than `SHOWN_FROM` that scans would see the cell at all.
 
         `predict_proba` is p if the cell is known, which is what can be scored; inside walls and below the ground that is an idle guess.
         """
-        check_is_fitted(self)
-        return answer_in_chunks(lambda part: self._shown(part)[0], self._checked(queries), self.chunk)
+        return self._answer(lambda part: self._shown(part)[0], queries)
 
     def _shown(self, queries):
         """What `predict_map` says, of which features, and where the evidence has each query."""
@@ -194,8 +199,7 @@ class HilbertMap(GrowingMapper):
 
         It ranks what the map does not know well from here to there; 0.5, a coin's, where no grid and no evidence answers.
         """
-        check_is_fitted(self)
-        return answer_in_chunks(self._spread, self._checked(queries), self.chunk)
+        return self._answer(self._spread, queries)
 
     def _spread(self, queries):
         return self._spread_of(*self._features(queries, *self._look_up(queries, self.grids_), self.evidence_.find(queries)))
@@ -206,8 +210,7 @@ class HilbertMap(GrowingMapper):
 
     def describe(self, queries) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As every mapper's; here each query is looked up once."""
-        check_is_fitted(self)
-        said = answer_in_chunks(self._described, self._checked(queries), self.chunk, columns=3)
+        said = self._answer(self._described, queries, columns=3)
         return said[:, 0], said[:, 1], said[:, 2] > 0
 
     def _described(self, queries):
@@ -227,8 +230,7 @@ class HilbertMap(GrowingMapper):
     def known(self, queries) -> np.ndarray:
         """(Q,) how likely it is that scans of this place would see the cell of each query at all: 1 where they did, 0 far from all that
         they saw, little inside walls and below the ground. A network that was not taught this says 1 wherever a grid of it reaches."""
-        check_is_fitted(self)
-        return answer_in_chunks(self._known, self._checked(queries), self.chunk)
+        return self._answer(self._known, queries)
 
     def _known(self, queries):
         holding = self.index_.holding(queries, self.rank_weights_.neighbours)
@@ -244,4 +246,5 @@ class HilbertMap(GrowingMapper):
     def observed(self, queries) -> np.ndarray:
         """(Q,) bool: whether the voxel of each query was observed."""
         check_is_fitted(self)
-        return self.evidence_.find(Mapper._checked(self, queries)) != NONE  # no grid is asked
+        with self._turn():
+            return self.evidence_.find(Mapper._checked(self, queries)) != NONE  # no grid is asked

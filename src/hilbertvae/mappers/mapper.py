@@ -17,7 +17,7 @@ from sklearn.base import BaseEstimator, ClassifierMixin
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from hilbertvae.checks import InputError, check_whole, refuse_more_than_numbers
+from hilbertvae.checks import InputError, check_whole, labels_alike, refuse_more_than_numbers
 from hilbertvae.cores import FEW, on_all_cores
 
 OCCUPIED_ABOVE = 0.6
@@ -54,8 +54,7 @@ def answer_in_chunks(answer: Callable[[np.ndarray], np.ndarray], queries: np.nda
 
 def _plain(error: ValueError | RuntimeError) -> str:
     """What scikit-learn says of arrays, but of NaN and inf the first line alone: the others advise other estimators."""
-    first = str(error).partition("\n")[0]
-    return first if "contains" in first else str(error)
+    return first if "contains" in (first := str(error).partition("\n")[0]) else str(error)
 
 
 def _by_place(queries: np.ndarray) -> np.ndarray:
@@ -128,7 +127,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
         vars(self).update({name: value for name, value in vars(other).items() if name not in settings})
         return self
 
-    def _learn_labels(self, y: np.ndarray, both: bool) -> np.ndarray:
+    def _learn_labels(self, y: np.ndarray, both: bool, stacklevel: int = 3) -> np.ndarray:
         """(N,) bool: whether each label `y (N,)` is the greater of the two that there are, kept as `classes_`. One alone is enough unless
         `both` are needed, but only False or True says by itself which of them it is."""
         classes, label = np.unique(y, return_inverse=True)
@@ -141,7 +140,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
         if classes.dtype.kind not in "biuf":
             free, hit = classes.tolist()
             words = f"{hit!r}, the later of the two by its letters, for occupied and {free!r} for free"
-            warnings.warn(f"y: takes {words}; give True where a point is occupied if that is wrong", stacklevel=4)
+            warnings.warn(f"y: takes {words}; give True where a point is occupied if that is wrong", stacklevel=stacklevel)
         self.classes_ = classes
         return label.astype(bool)
 
@@ -155,7 +154,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
     def _named_labels(self, y: np.ndarray, classes) -> np.ndarray:
         """`_learn_labels` of `y (N,)` where the two labels that there are, `classes`, are given; an `InputError` for others, and for the
         greater one first, which whoever says so takes for the free one."""
-        self._learn_labels(np.asarray(classes), both=True)
+        self._learn_labels(np.asarray(classes), both=True, stacklevel=5)
         if list(classes)[0] != self.classes_[0]:
             raise InputError(f"classes: expected the lesser label first, which is free; the greater means occupied; got {list(classes)}")
         return self._known_labels(y)
@@ -209,7 +208,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
         for name, values in (("points", points), ("y", y), ("sample_weight", sample_weight)):
             refuse_more_than_numbers(values, name)
         try:
-            points, y = validate_data(self, points, y, dtype=np.float64, reset=first)
+            points, y = validate_data(self, points, labels_alike(y), dtype=np.float64, reset=first)
             check_classification_targets(y)
             weight = _check_sample_weight(sample_weight, points, dtype=np.float64, ensure_non_negative=True)
         except REFUSED as error:

@@ -22,6 +22,7 @@ from hilbertvae.mappers.map_arrays import EVIDENCE, map_arrays
 from hilbertvae.mappers.octomap_mapper import OCTREES, OctoMapMapper, read_octree
 from hilbertvae.mappers.packed_array import pack, unpack
 from hilbertvae.mappers.saved_evidence import evidence_of
+from hilbertvae.mappers.turns import turn_of
 from hilbertvae.mappers.weights import RankWeights
 from hilbertvae.reconstruction.recorded_network import RecordedNetwork
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
@@ -42,8 +43,9 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
 
     It holds grids and evidence, and not the network, of which a fingerprint is enough for those that come with the package. One that
     learned from the site (`adapt_steps`) is not: `mapper.adapted_.save(path)` keeps it, for a map that is to grow later, and `load_map`
-    finds it if it is `adapted.safetensors` beside the map; a loaded map's is copied along. What the cells of grids hold is packed. Raises
-    `InputError` for any other mapper, and for a name that ends as an OctoMap's does.
+    finds it if it is `adapted.safetensors` beside the map; a loaded map's is copied along. What the cells of grids hold is packed. What
+    scans have changed with `reconstruct=False` is reconstructed first, which may take minutes. Raises `InputError` for any other mapper,
+    and for a name that ends as an OctoMap's does.
     """
     if Path(path).suffix.lower() in OCTREES:  # which `load_map` would take it for
         raise InputError(f"{path}: expected a name that does not end in {' or '.join(OCTREES)}, as OctoMap's files do")
@@ -55,6 +57,11 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
         _rank_weights(mapper.rank_weights_.plain(), mapper)
     except InputError as error:
         raise InputError(f"{path}: a setting was changed after the map was made, so that it could not be read back; {error}") from error
+    with turn_of(mapper):
+        return _saved(mapper, Path(path))
+
+
+def _saved(mapper: HilbertMap, path: Path) -> Path:
     mapper.settle()
     network = mapper.adapted_ or mapper.completes_
     described = {
@@ -81,8 +88,8 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
         except SafetensorError as error:  # a full disk, for instance
             raise OSError(str(error)) from error  # which `atomic` names the file of
     if isinstance(network, RecordedNetwork) and (beside := network.kept_beside()):
-        _carry(beside, Path(path).parent / ADAPTED)
-    return Path(path)
+        _carry(beside, path.parent / ADAPTED)
+    return path
 
 
 def _carry(beside: Path, there: Path) -> None:
@@ -91,7 +98,7 @@ def _carry(beside: Path, there: Path) -> None:
         copy_file(beside, there)
     elif file_sha256(there) != file_sha256(beside):
         ways = f"to go on with the map, give its own: load_map(path, checkpoint={str(beside)!r})"
-        warnings.warn(f"{there}: holds another network than the map's, and stays; {ways}", stacklevel=3)
+        warnings.warn(f"{there}: holds another network than the map's, and stays; {ways}", stacklevel=4)
 
 
 def map_path(path: str | os.PathLike) -> Path:

@@ -167,7 +167,8 @@ def learned_weights(plain: dict, neighbours: int, features: int, key: str) -> Ra
     """A network's plain weights, for a map of so many neighbours and features; an `InputError` where they were learned for others."""
     weights = RankWeights.from_plain(plain).knowing(features)
     if weights.unseen.shape == weights.everywhere.shape == (weights.unseen.size,) != (neighbours + 1,):
-        raise InputError(f"neighbours: the weights were learned for {weights.neighbours}, got {neighbours}")
+        ways = "any other goes with weights=unit"
+        raise InputError(f"neighbours: the weights were learned for {weights.neighbours}, got {neighbours}; {ways}")
     if weights.seen.size != features + 2:
         raise InputError("checkpoint: the Hilbert Map's weights were learned by another version; train again")
     return weights.checked(neighbours, features, key)

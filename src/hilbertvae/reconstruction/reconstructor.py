@@ -107,7 +107,7 @@ class Reconstructor:
 
     def check_cells(self, cells: int) -> None:
         """An `InputError` for grids of so many cells along an axis, where the network can't complete them."""
-        with torch.device("meta"):  # shapes alone
+        with torch.device("meta"), torch.random.fork_rng(devices=[]):  # shapes alone, and random numbers stay the caller's
             wanted = build_network(self.network_settings, self.dimension, cells).state_dict()
         if any(wanted[name].shape != tensor.shape for name, tensor in self.network.state_dict().items()):
             raise InputError(f"grid.cells: expected {self.grid.cells}, as the network has learned it, got {cells}")
@@ -178,7 +178,8 @@ class Reconstructor:
             settings = network_settings(described["network"])
             grid = GridSettings.from_plain(described["grid"])
             likelihood = LikelihoodSettings(**described["likelihood"])
-            network = build_network(settings, described["dimension"], grid.cells)
+            with torch.random.fork_rng(devices=[]):  # as the first weights are drawn, which are not kept
+                network = build_network(settings, described["dimension"], grid.cells)
             network.load_state_dict(unpack(tensors))
             _check_kept(network, described)
             return cls(
