@@ -105,8 +105,8 @@ class GrowingMapper(CompletingMapper):
 
     def settle(self, queries: np.ndarray | None = None):
         """Reconstruct what scans have changed; given `queries (Q, D)`, only the boxes that answer them, as each query does by itself."""
-        check_is_fitted(self)
         with self._turn():
+            check_is_fitted(self)
             self._settle(queries)
         return self
 
@@ -133,8 +133,8 @@ class GrowingMapper(CompletingMapper):
 
     def _answer(self, answer: Callable[[np.ndarray], np.ndarray], queries, columns: int | None = None) -> np.ndarray:
         """(Q,) or (Q, columns) what `answer` says of `queries (Q, D)`, of a map that nothing is added to meanwhile."""
-        check_is_fitted(self)
         with self._turn():
+            check_is_fitted(self)
             return answer_in_chunks(answer, self._checked(queries), self.chunk, columns)
 
     def _completed_as_sampled(self, cloud_in: Callable[[Frames], Cloud], frames: Frames) -> Iterator[tuple[slice, Completion]]:

@@ -130,7 +130,7 @@ class HilbertMap(GrowingMapper):
         self.evidence_ = Evidence(cloud.points, cloud.occupied, cloud.weight, resolution_m)
         self.evidence_joins_, self.fills_ = bool(self.evidence), bool(self.fill)
         self.rank_weights_ = self._rank_weights()
-        self.completes_, self.adapted_, self.small_seeds_, self._growing = network, None, None, None
+        self.completes_, self.adapted_, self.small_seeds_, self._growing, self._index = network, None, None, None, None
 
     def _rank_weights(self) -> RankWeights:
         learned = self.reconstructor.map_weights if self.reconstructor else {}
@@ -153,8 +153,8 @@ class HilbertMap(GrowingMapper):
     def features(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
         """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, the evidence
         (S, F) of those whose was, and how far away (Q,) returns are from those that no box holds (`Evidence.away`)."""
-        check_is_fitted(self)
         with self._turn():
+            check_is_fitted(self)
             return self._phi(self._checked(queries))
 
     def _phi(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -245,6 +245,6 @@ class HilbertMap(GrowingMapper):
 
     def observed(self, queries) -> np.ndarray:
         """(Q,) bool: whether the voxel of each query was observed."""
-        check_is_fitted(self)
         with self._turn():
+            check_is_fitted(self)
             return self.evidence_.find(Mapper._checked(self, queries)) != NONE  # no grid is asked

@@ -51,17 +51,17 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
         raise InputError(f"{path}: expected a name that does not end in {' or '.join(OCTREES)}, as OctoMap's files do")
     if not isinstance(mapper, HilbertMap):
         raise InputError(f"{path}: expected a HilbertMap to save, got {type(mapper).__name__}")
+    with turn_of(mapper):
+        return _saved(mapper, Path(path))
+
+
+def _saved(mapper: HilbertMap, path: Path) -> Path:
     check_is_fitted(mapper)
     try:
         mapper.check_kept_settings()
         _rank_weights(mapper.rank_weights_.plain(), mapper)
     except InputError as error:
         raise InputError(f"{path}: a setting was changed after the map was made, so that it could not be read back; {error}") from error
-    with turn_of(mapper):
-        return _saved(mapper, Path(path))
-
-
-def _saved(mapper: HilbertMap, path: Path) -> Path:
     mapper.settle()
     network = mapper.adapted_ or mapper.completes_
     described = {
@@ -215,7 +215,7 @@ def _put_clusters(mapper: HilbertMap, arrays: dict[str, np.ndarray]) -> None:
     if not np.allclose(np.einsum("mde,mdf->mef", turn, turn), np.eye(dimension), atol=1e-6):
         raise InputError("rotation: expected rotations")
     mapper.frames_ = Frames(arrays["centre"], turn, arrays["scale"])
-    mapper.seeds_, mapper.small_seeds_ = arrays["seeds"], arrays.get("small_seeds")
+    mapper.seeds_, mapper.small_seeds_, mapper._index = arrays["seeds"], arrays.get("small_seeds"), None
     mapper.grids_, mapper.known_, mapper.factors_ = arrays["grids"], arrays.get("known"), arrays.get("factors")
 
 
