@@ -8,6 +8,7 @@ from composed_settings import key_of, settings_of
 from hilbertvae.checks import InputError
 from hilbertvae.commands.overrides import refuse_ignored
 from hilbertvae.commands.run import identity, run
+from hilbertvae.drawing.canvas import new_figure
 from hilbertvae.files import file_sha256
 from hilbertvae.mappers.weights import occupied_weight_of
 from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -36,6 +37,17 @@ def test_the_result_says_what_grid_and_network_were_scored(tmp_path, network):
     assert about["data"]["checkpoint"] == file_sha256(network)
 
 
+def test_sites_that_a_given_network_has_not_seen_are_none_of_its(tmp_path, network, monkeypatch):
+    """Those that the run would be trained and validated on; but where its map learns weights anew, it is there."""
+    monkeypatch.setattr(
+        "hilbertvae.reports.report.contact_sheet", lambda sites: shown.append([role for _, role in sites]) or new_figure(1, 1)
+    )
+    for words, roles in (((), ["test"]), (("+mapper.cvae-hm.neighbours=3",), ["validate", "test"])):
+        shown = []
+        assert run(fast(tmp_path, f"checkpoint={network}", "mapper=[cvae-hm]", "pictures=true", *words)) == 0
+        assert shown == [roles]
+
+
 def test_the_result_says_of_a_network_what_its_card_says_and_not_what_nobody_read(tmp_path):
     """Two recipes scored with the same words would else be one in a table."""
     given = tiny_reconstructor()
@@ -57,7 +69,7 @@ def test_a_training_s_folder_is_not_scored_into_with_another_network(tmp_path, n
     trained.card = {"training_hash": "abc", "seed": 7}
     trained.save(own / "model.safetensors")
     (own / "training.json").write_text('{"training_hash": "abc"}')
-    with pytest.raises(InputError, match="output: .*run holds the training of another network than `checkpoint`"):
+    with pytest.raises(InputError, match="output: .*run holds a training, whose results would be replaced"):
         run(settings)
     named = ["mapper=[cvae-hm]", "+mapper.cvae-hm.weights=unit", "mapper.cvae-hm.reconstructor="]
     with pytest.raises(InputError, match="output: .*run holds the training of another network than `mapper.cvae-hm.reconstructor`"):
@@ -65,8 +77,15 @@ def test_a_training_s_folder_is_not_scored_into_with_another_network(tmp_path, n
     assert not (own / "result.json").exists()
     assert run(fast(tmp_path, *named[:2], f"{named[2]}{own / 'model.safetensors'}")) == 0
     assert run(fast(tmp_path, "mapper=[nearest]")) == 0  # is of no network
-    assert run(fast(tmp_path, f"checkpoint={own / 'model.safetensors'}", "mapper=[cvae-hm]", "seed=3")) == 0
-    assert read_result(own / "result.json")[1]["seeds"]["training"] == 7  # not what was typed
+    before = (own / "result.json").read_bytes()
+    again = fast(tmp_path, f"checkpoint={own / 'model.safetensors'}", "mapper=[cvae-hm]", "seed=3")
+    with pytest.raises(InputError, match="output: .*run holds a training, whose results would be replaced; choose another `name`"):
+        run(again)
+    assert (own / "result.json").read_bytes() == before
+    again.output = str(tmp_path / "again")
+    assert run(again) == 0
+    about = read_result(tmp_path / "again" / "result.json")[1]
+    assert about["seeds"]["training"] == 7  # not what was typed
 
 
 @pytest.mark.parametrize("word", ["grid.inner_radius_m=3", "start=random", "grid.start=random", "network=gated_wide", "++network.latent=8",
@@ -89,6 +108,7 @@ def test_two_mappers_of_one_name_are_refused():
 
 @pytest.mark.parametrize("word", ["trainer.epochs=5", "++trainer.learning_rate=1", "clustering.clusterings=2", "augmentation.balls=3",
                                   "trainer={epochs: 5}", "augmentation={balls: 3}", "clustering={turn: false}",
+                                  "data.train=[simulated:4]",
                                   "data.simulated=9", "data={simulated_first: 9}", "trained=outputs/trained"])  # fmt: skip
 def test_how_networks_are_trained_is_not_said_beside_one(network, word):
     settings = settings_of(f"checkpoint={network}")

@@ -80,7 +80,7 @@ def test_a_file_that_can_t_be_written_is_named_in_one_line(tmp_path):
     assert done.returncode == 1 and "Traceback" not in done.stderr
     last = done.stderr.strip().splitlines()[-1]
     assert last.startswith(f"hilbertvae-train: {tmp_path / 'cache'}{os.sep}grids-") and ".npy: " in last
-    assert list((tmp_path / "cache").iterdir()) == []
+    assert not (tmp_path / "cache").exists()
 
 
 def test_a_full_disk_is_told_in_one_line_even_where_the_failure_itself_finds_no_room(tmp_path):
@@ -126,3 +126,40 @@ def test_a_run_of_fewer_sites_leaves_none_of_another(tmp_path):
         assert train(tmp_path, *command, f"data.test=[simulated:{sites}]").returncode == 0
         assert sorted(path.name for path in second.iterdir()) == left
     assert (tmp_path / "run/result.json").exists() and (tmp_path / "run/pictures").exists()
+
+
+def test_a_training_that_is_refused_late_leaves_no_folder(tmp_path):
+    """When its grids are there, and its network is to be made."""
+    pytest.importorskip("embreex")
+    words = ["debug=fast", "mapper=[]", f"data.cache={tmp_path / 'cache'}", "trainer.initial=2d", "output=runs/new"]
+    done = train(tmp_path, *words)
+    assert done.returncode == 2 and "trainer.initial: " in done.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize("many", [False, True])
+def test_a_mapper_that_fails_ends_a_single_run_without_a_traceback(tmp_path, many):
+    program = """
+from hilbertvae.commands import train
+train.run = lambda *_, **__: 1
+train.main()
+"""
+    words = ["-m", "seed=0", f"hydra.sweep.dir={tmp_path}"] if many else [f"output={tmp_path / 'run'}"]
+    done = subprocess.run([sys.executable, "-c", program, *words, "debug=fast"], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and ("Traceback" in done.stderr) == many
+    assert "a mapper, or its pictures, failed; see the lines above and result.json" in done.stderr
+
+
+def test_a_job_of_a_multirun_says_which_file_could_not_be_written(tmp_path):
+    """And not the temporary one, in a folder that may have room."""
+    program = """
+from hilbertvae.commands import train
+def full(*_, **__):
+    raise OSError(28, "No space left on device", "/tmp/tmp1", None, "checkpoints/best.ckpt")
+train.run = full
+train.main()
+"""
+    command = [sys.executable, "-c", program, "-m", "debug=fast", "seed=0", f"hydra.sweep.dir={tmp_path}"]
+    assert subprocess.run(command, capture_output=True, text=True, check=False).returncode == 1
+    (result,) = tmp_path.rglob("result.json")
+    assert "No space left on device: 'checkpoints/best.ckpt'" in result.read_text() and "tmp1" not in result.read_text()

@@ -227,6 +227,7 @@ class TestErrors:
             (["data.simulated=1", "trainer.kl_warmup_share=0.1"], "trainer.kl_warmup_share"),
             (["data.simulated=1", "dimension=4"], "dimension"),
             (["data.simulated=1", "seed=-1"], "seed"),
+            (["data.simulated=1", "name="], "^name: expected a name"),
             (["data.simulated=1", "data.processes=-1"], "data.processes"),
             (["data.simulated=1", "data.simulated_scans=0"], "data.simulated_scans"),
             (["data.street.scans=0"], "^data.street.scans"),
@@ -272,7 +273,7 @@ class TestErrors:
             build_mappers({"nearest": {"_target_": f"{NearestMapper.__module__}.NearestMapper", "seed": 3}})
 
     def test_a_mapper_with_an_unknown_setting_is_named(self):
-        with pytest.raises(InputError, match="mapper.nearest.*neighbors"):
+        with pytest.raises(InputError, match="mapper.nearest: TypeError[^(]*neighbors[^(]*[)]*$"):
             build_mappers({"nearest": {"_target_": f"{NearestMapper.__module__}.NearestMapper", "neighbors": 3}})
 
     @pytest.mark.parametrize(("launcher", "extra"), [("submitit", "slurm"), ("ray", "ray")])

@@ -31,7 +31,9 @@ def _build_mapper(name: str, specification: dict) -> Mapper:
     try:
         mapper = instantiate(specification, _convert_="all", _recursive_=False)  # one of a setting's own is no class either
     except InstantiationException as error:
-        raise InputError(f"mapper.{name}: {str(error).splitlines()[-1] if str(error) else error} ({error.__cause__})") from error
+        said = str(error).splitlines()[-1] if str(error) else ""
+        cause = str(error.__cause__ or "")
+        raise InputError(f"mapper.{name}: {said if cause in said else f'{said} ({cause})'}") from error
     if not isinstance(mapper, Mapper):
         raise InputError(f"mapper.{name}._target_: expected a Mapper, got {type(mapper).__name__}")
     with _under(f"mapper.{name}"):  # before a network is trained for it

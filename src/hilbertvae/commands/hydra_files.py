@@ -3,6 +3,7 @@ what the run whose results lie there was called with."""
 
 from __future__ import annotations
 
+import shutil
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from hilbertvae.files import atomic
+from hilbertvae.reports.run_state import CHECKPOINTS, LOCK, TENSORBOARD, TRAINING
 
 
 class HydraFiles(Callback):
@@ -21,6 +23,8 @@ class HydraFiles(Callback):
     """By path what was there, None for nothing."""
     made: list[Path] = []
     """Folders that were not there, the innermost first."""
+    begun: Path | None = None
+    """The run's own folder, if it was not there."""
 
     def on_run_start(self, config: DictConfig, **_: Any) -> None:
         with suppress(OmegaConfBaseException):  # of a folder that has no name, or not yet, Hydra tells
@@ -29,11 +33,17 @@ class HydraFiles(Callback):
             written.append(folder / f"{config.hydra.job.name}.log")
             HydraFiles.found = {path: path.read_bytes() if path.is_file() else None for path in written}
             HydraFiles.made = [path for path in (folder / (inner or ""), folder, *folder.parents) if not path.exists()]
+            HydraFiles.begun = None if folder.exists() else folder
 
     @staticmethod
     def take_back() -> None:
-        """The files as they were, and no folder that was made for them, unless something else is in it."""
+        """The files as they were, and no folder that was made for them, unless something else is in it than a training that has not got as
+        far as its first epoch."""
         with suppress(OSError):  # the refusal is what counts
+            if (own := HydraFiles.begun) and not any(path.is_file() for path in (own / CHECKPOINTS).glob("*")):
+                shutil.rmtree(own / TENSORBOARD, ignore_errors=True)
+                for name in (LOCK, TRAINING):
+                    (own / name).unlink(missing_ok=True)
             for path, content in HydraFiles.found.items():
                 if content is None:
                     path.unlink(missing_ok=True)

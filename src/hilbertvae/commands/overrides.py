@@ -22,8 +22,8 @@ LEARN_ANEW = {"neighbours", "inner_radius_m", "resolution_m"}
 """Settings of a map that has weights of its own learned, if they are not as its network's were (`training/scoring.py`)."""
 OF_A_TRAINING, OF_A_SCORING_TOO = ("augmentation.", "clustering.", "trainer."), ("trainer.threads", "trainer.accelerator")
 """Settings of how a network is trained, and those of them that say how maps are made, too."""
-OF_A_TRAINING_ALONE = ("trained", "data.simulated", "data.simulated_first", "data.simulated_clusterings")
-"""More of them; other keys of `data` say what sites there are, and sweeps bring a `seed` with them."""
+OF_A_TRAINING_ALONE = ("trained", "data.train", "data.simulated", "data.simulated_first", "data.simulated_clusterings")
+"""More of them. `data.validate` may have to be named where a network is scored on the default one; sweeps bring a `seed` with them."""
 OF_ANOTHER_SPACE = {
     2: (("data.street",), "simulated sites are buildings"),
     3: (("data.simulated_scans", "data.simulated_extent_m", "data.simulated_variety"), "simulated sites are what `data.street` says"),
@@ -57,7 +57,7 @@ def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
             raise InputError(f"{key}: expected none beside {own}, which has its own{at_hand}")
         if (key.startswith(OF_A_TRAINING) and key not in OF_A_SCORING_TOO) or key in OF_A_TRAINING_ALONE:
             raise InputError(f"{key}: expected none beside {own}, which was trained before")
-        if key in OF_ITS_WEIGHTS and not any(map(_learns_weights, settings.mapper.values())):
+        if key in OF_ITS_WEIGHTS and not any(map(learns_weights, settings.mapper.values())):
             anew = "they are learned anew for maps with `neighbours`, `inner_radius_m` or `resolution_m` of their own"
             raise InputError(f"{key}: expected none beside {own}, which has its map's weights; {anew}")
 
@@ -108,9 +108,9 @@ def _typed_keys(overrides: list[str]) -> Iterator[str]:
         yield from inner(word.key_or_group, None if word.is_sweep_override() else word.value())
 
 
-def _learns_weights(mapper: dict | None) -> bool:
+def learns_weights(mapper: dict | None) -> bool:
     """Whether a configured map has a network, and boxes that lie or answer otherwise than those its weights were learned for."""
-    return bool(mapper and mapper.get("reconstructor") and LEARN_ANEW & {*mapper})
+    return bool(mapper and mapper.get("reconstructor") and mapper.get("weights") != "unit" and LEARN_ANEW & {*mapper})
 
 
 def refuse_idle(settings: Settings, overrides: list[str]) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.commands.overrides import named_networks
+from hilbertvae.commands.overrides import learns_weights, named_networks
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reports.provenance import named_without_folders
@@ -42,7 +42,7 @@ def run(settings: Settings, again: bool = True) -> int:
 
     mappers = build_mappers(settings.mapper)
     training = settings.checkpoint is None and (not mappers or needs_training(mappers))
-    sites = _roles(settings)
+    sites = _roles(settings, training)
     for reference in sites if training else settings.data.test:
         settings.source().check(reference)
     scored = Reconstructor.load(settings.checkpoint) if settings.checkpoint else None
@@ -60,7 +60,7 @@ def run(settings: Settings, again: bool = True) -> int:
     if scored := scored or (None if training else _only_named(settings, mappers)):
         config |= of_network(scored)
     own = named_without_folders(own_sites(sites))
-    hashes = site_hashes([site for site, role in sites.items() if training or role != "train"])
+    hashes = site_hashes(list(sites))
     write = Report(
         settings.output,
         config,
@@ -94,11 +94,15 @@ def _is_done(settings: Settings) -> bool:
     return False
 
 
-def _roles(settings: Settings) -> dict[str, str]:
-    """What each site is there for: to train, to calibrate, to validate or to test."""
-    data = settings.data
-    learned = {**dict.fromkeys(data.train, "train"), **dict.fromkeys(data.calibrate, "calibrate"), data.validate: "validate"}
-    return learned | dict.fromkeys(data.test, "test")
+def _roles(settings: Settings, training: bool) -> dict[str, str]:
+    """What each site is there for: to train, to calibrate, to validate or to test. Of a network that was trained before, the sites that it
+    has seen are on its card, and the run's count for maps alone that learn weights anew."""
+    data, sites = settings.data, {}
+    if training:
+        sites |= dict.fromkeys(data.train, "train")
+    if training or any(map(learns_weights, settings.mapper.values())):
+        sites |= {**dict.fromkeys(data.calibrate, "calibrate"), data.validate: "validate"}
+    return sites | dict.fromkeys(data.test, "test")
 
 
 def _others(settings: Settings, sites: dict[str, str]) -> Iterator[tuple[Site, str]]:
@@ -135,10 +139,12 @@ def _given(settings: Settings) -> dict[str, str]:
 
 def _check_own(settings: Settings) -> None:
     """An `InputError` if the run's folder holds the training of another network than is scored: it would have that one's scores. Others may
-    be scored beside its own."""
+    be scored beside its own. One that is a `checkpoint` has its training's own results there, which would be lost."""
     given = _given(settings)
+    if not (given and is_trained(settings.output)):
+        return
     if settings.checkpoint:
-        given = {"checkpoint": given["checkpoint"]}
-    if given and is_trained(settings.output) and file_sha256(Path(settings.output) / NETWORK) not in given.values():
+        raise InputError(f"output: {settings.output} holds a training, whose results would be replaced; choose another `name`")
+    if file_sha256(Path(settings.output) / NETWORK) not in given.values():
         than = ", ".join(f"`{key}`" for key in given)
         raise InputError(f"output: {settings.output} holds the training of another network than {than}; choose another `name`")

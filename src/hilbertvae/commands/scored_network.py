@@ -10,9 +10,6 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.training.learned_as import KEY
 from hilbertvae.training.settings import Settings
 
-UNREAD = (*OF_A_TRAINING_ALONE, "data.train")
-"""Beside those of `OF_A_TRAINING`: settings of a training, of which there was none, or another."""
-
 
 def config_without_training(settings: Settings) -> dict:
     """The settings as plain values, without those that only a training reads."""
@@ -21,7 +18,7 @@ def config_without_training(settings: Settings) -> dict:
         config[part] = {key: value for key, value in config[part].items() if f"{part}.{key}" in OF_A_SCORING_TOO}
         if not config[part]:
             del config[part]
-    for key in UNREAD:
+    for key in OF_A_TRAINING_ALONE:
         *part, name = key.split(".")
         (config[part[0]] if part else config).pop(name)
     return config

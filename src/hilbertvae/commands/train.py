@@ -73,6 +73,8 @@ def _application(config: DictConfig) -> None:
         print("hilbertvae-train: nobody reads its output any more; the same command goes on from where it was", file=sys.stderr)
         sys.exit(1)
     except Exception as error:
+        if isinstance(error, OSError) and error.filename2:  # a checkpoint is made in the system's temporary folder, and moved
+            error = OSError(error.errno, error.strerror, error.filename2)
         refused = isinstance(error, InputError)
         had, write = (has_study, write_clustering_failure) if config.task == "clustering" else (has_result, write_failure)
         if refused and not many:  # a wrong setting of a single run is told at once, and leaves nothing
@@ -85,12 +87,16 @@ def _application(config: DictConfig) -> None:
                 write_refusal(output, error)
             else:
                 write(output, OmegaConf.to_container(config, resolve=True, throw_on_missing=False), error)
-        if unwritable:  # a checkpoint is made in the system's temporary folder and moved: it is where to that it couldn't be
-            print(f"\nhilbertvae-train: {error.filename2 or error.filename}: {error.strerror}", file=sys.stderr)
+        if unwritable:
+            print(f"\nhilbertvae-train: {error.filename}: {error.strerror}", file=sys.stderr)
             sys.exit(1)
-        raise
+        raise error
     if code:
-        raise RuntimeError("a mapper, or its pictures, failed; see the lines above and result.json")
+        said = "a mapper, or its pictures, failed; see the lines above and result.json"
+        if many:
+            raise RuntimeError(said)  # by which Hydra knows
+        print(f"hilbertvae-train: {said}", file=sys.stderr)
+        sys.exit(1)
 
 
 def main() -> None:

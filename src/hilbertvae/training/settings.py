@@ -114,6 +114,8 @@ class Settings:
         """An `InputError` that names the key for the first value that makes no run."""
         if self.dimension not in (2, 3):
             raise InputError(f"dimension: expected 2 or 3, got {self.dimension}")
+        if not self.name.strip():  # its results would lie among the folders of all others
+            raise InputError("name: expected a name for the run and its folder, got none")
         check_finite(asdict(self))
         check_positive(self.resolution_m, "resolution_m")
         if self.task not in TASKS:
