@@ -57,6 +57,35 @@ def test_what_must_not_be_cut_short_ends_first(number):
     assert done == ["went on", "went on"]
 
 
+def test_whatever_a_second_stop_raises_it_is_waited_for():
+    """As a handler that ends the process does."""
+    done = []
+
+    def leave(number, frame):
+        raise SystemExit(number)
+
+    def work():
+        for _ in range(3):
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(0.05)
+        done.append("ended")
+
+    signal.signal(signal.SIGTERM, leave)
+    with pytest.raises(SystemExit):
+        to_its_end(work)
+    assert done == ["ended"]
+
+
+def test_where_no_thread_can_be_started_the_work_is_done_all_the_same(monkeypatch):
+    """As when the interpreter ends."""
+
+    def none(*_):
+        raise RuntimeError("can't create new thread at interpreter shutdown")
+
+    monkeypatch.setattr("_thread.start_new_thread", none)
+    assert to_its_end(lambda: 7) == 7
+
+
 def test_what_runs_to_its_end_gives_what_it_returns_or_raises():
     assert to_its_end(lambda: 7) == 7
     for error in (ValueError("wrong"), SystemExit("killed"), KeyboardInterrupt()):

@@ -6,7 +6,7 @@ import _thread
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -54,15 +54,20 @@ def to_its_end(work: Callable[[], T]) -> T:
     done.acquire()
     stop = None
     try:
-        _thread.start_new_thread(run, ())  # in one step; `Thread.start` waits in Python, where a stop leaves locks astray
+        try:
+            _thread.start_new_thread(run, ())  # in one step; `Thread.start` waits in Python, where a stop leaves locks astray
+        except RuntimeError:  # there are no more, as at the interpreter's end
+            return work()
         done.acquire()
     except BaseException as error:
         if begun.acquire(blocking=False):  # before it began; then it never will
             raise
         stop = error
         while not outcome:
-            with suppress(KeyboardInterrupt):  # a second one; it is on its way out
+            try:
                 done.acquire(timeout=0.1)
+            except BaseException as again:
+                stop = again
     if stop is not None:
         raise stop
     result, failed = outcome[0]

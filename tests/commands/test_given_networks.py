@@ -229,6 +229,7 @@ def test_what_named_networks_bring_with_them_is_not_set_beside_them(network):
         with pytest.raises(InputError, match=f"^{key_of(word)}: expected none beside mapper.cvae-hm.reconstructor=.*, which {why}"):
             refuse_ignored(settings_of(*alone), [*alone, word])
         refuse_ignored(settings_of("mapper=[cvae-hm,cvae-hm-points]", alone[1]), [word])
+    settings_of(*alone, "data.train=[fr079]", "data.test=[fr079]").check()  # on what it was trained its card says
     several = settings_of("mapper=[cvae-hm,cvae-hm-points]", alone[1], "mapper.cvae-hm-points.reconstructor=2d")
     refuse_ignored(several, ["grid.cells=32"])  # of maps of raw grids
     with pytest.raises(InputError, match="^network.latent: expected none beside"):

@@ -8,6 +8,7 @@ import sys
 import pytest
 from warm_start import train
 
+from hilbertvae.commands.hydra_files import HydraFiles
 from hilbertvae.reports.run_lock import alone_in
 
 IS_ROOT = os.name == "posix" and os.geteuid() == 0
@@ -126,6 +127,21 @@ def test_a_run_of_fewer_sites_leaves_none_of_another(tmp_path):
         assert train(tmp_path, *command, f"data.test=[simulated:{sites}]").returncode == 0
         assert sorted(path.name for path in second.iterdir()) == left
     assert (tmp_path / "run/result.json").exists() and (tmp_path / "run/pictures").exists()
+
+
+def test_a_run_that_is_refused_takes_nothing_of_the_one_that_is_at_work(tmp_path):
+    """Though both have begun before there was a folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(HydraFiles, "begun", tmp_path / "run")
+        patch.setattr(HydraFiles, "found", {})
+        patch.setattr(HydraFiles, "made", [tmp_path / "run"])
+        (tmp_path / "run").mkdir()
+        for name in (".lock", "training.json"):
+            (tmp_path / "run" / name).touch()
+        HydraFiles.take_back()
+        assert len(list((tmp_path / "run").iterdir())) == 2
+        HydraFiles.take_back_training()  # of the one that has the lock
+        assert not list((tmp_path / "run").iterdir())
 
 
 def test_a_training_that_is_refused_late_leaves_no_folder(tmp_path):

@@ -14,6 +14,8 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.saved_map import load_map, save_map
 from hilbertvae.mappers.turns import turn_of
 
+ASKS = ("predict_proba", "predict_map", "predict_std", "describe", "known", "observed", "features")
+
 
 @pytest.fixture
 def switching():
@@ -24,24 +26,29 @@ def switching():
     sys.setswitchinterval(before)
 
 
+@pytest.mark.parametrize("loaded", [True, False])
 @pytest.mark.parametrize("reconstruct", [True, False])
-def test_who_asks_and_who_adds_take_turns(place, reconstruct, switching, tmp_path):
+def test_who_asks_and_who_adds_take_turns(place, reconstruct, loaded, switching, tmp_path):
     """Whatever is asked meanwhile, the map is the one that scans alone would make, and nobody is told that it is damaged."""
     parts, queries = clouds(place)[:6], queries_of(place)
     alone = streamed(HilbertMap(network(place.dimension)), parts)
     shared, failed, ended = HilbertMap(network(place.dimension)), [], threading.Event()
     for part in parts[:2]:
         add(shared, part, reconstruct=reconstruct)
-    asks = ("predict_proba", "predict_map", "predict_std", "describe", "known", "observed", "features")
+    if loaded:
+        weights = shared.reconstructor.save(tmp_path / "network.safetensors")
+        shared = load_map(save_map(shared, tmp_path / "loaded.map"), checkpoint=weights)
+    ways = [lambda name=name: getattr(shared, name)(queries[:50]) for name in ASKS]
+    ways += [lambda: save_map(shared, tmp_path / "shared.map"), lambda: copy.deepcopy(shared).predict_map(queries[:50])]
 
-    def ask(name):
+    def ask(way):
         while not ended.is_set():
             try:
-                getattr(shared, name)(queries[:50]) if name else save_map(shared, tmp_path / "shared.map")
+                way()
             except Exception as error:
                 failed.append(error)
 
-    threads = [threading.Thread(target=ask, args=(name,)) for name in (*asks, None)]
+    threads = [threading.Thread(target=ask, args=(way,)) for way in ways]
     for thread in threads:
         thread.start()
     try:
@@ -90,3 +97,26 @@ def test_a_forked_process_may_ask_whoever_had_the_turn(room):
     ended.set()
     thread.join()
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+
+
+def test_a_map_of_somebody_s_own_may_ask_for_features(room, monkeypatch):
+    """In threads that work for the one that has the turn."""
+
+    class Own(HilbertMap):
+        def _probability(self, queries):
+            return 1 / (1 + np.exp(-self.rank_weights_.logit(*self.features(queries))))
+
+    monkeypatch.setattr("hilbertvae.cores.cores", lambda: 4)
+    own, usual = (streamed(made(network(2)), clouds(room, every=4)) for made in (Own, HilbertMap))
+    own.chunk, said, queries = 20, [], queries_of(room)
+    thread = threading.Thread(target=lambda: said.append(own.predict_proba(queries)), daemon=True)
+    thread.start()
+    thread.join(30)
+    np.testing.assert_allclose(said[0], usual.predict_proba(queries))
+
+
+def test_maps_that_older_versions_have_pickled_answer_beyond_their_boxes(room):
+    mapper = HilbertMap(weights="unit", grid=network(2).grid).fit(room.fit.points, room.fit.occupied, room.fit.weight)
+    for name in ("_near", "_looked_at"):
+        vars(mapper.evidence_).pop(name, None)
+    assert pickle.loads(pickle.dumps(mapper)).predict_proba([[30.0, 30.0]]).shape == (1, 2)

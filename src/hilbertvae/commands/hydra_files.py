@@ -36,14 +36,18 @@ class HydraFiles(Callback):
             HydraFiles.begun = None if folder.exists() else folder
 
     @staticmethod
-    def take_back() -> None:
-        """The files as they were, and no folder that was made for them, unless something else is in it than a training that has not got as
-        far as its first epoch."""
-        with suppress(OSError):  # the refusal is what counts
-            if (own := HydraFiles.begun) and not any(path.is_file() for path in (own / CHECKPOINTS).glob("*")):
+    def take_back_training() -> None:
+        """What a training that has not got as far as its first epoch has left in a new folder, of which the process has the lock."""
+        with suppress(OSError):
+            if (own := HydraFiles.begun) and not ((own / "result.json").exists() or any((own / CHECKPOINTS).glob("*.ckpt"))):
                 shutil.rmtree(own / TENSORBOARD, ignore_errors=True)
-                for name in (LOCK, TRAINING):
+                for name in (TRAINING, LOCK):
                     (own / name).unlink(missing_ok=True)
+
+    @staticmethod
+    def take_back() -> None:
+        """The files as they were, and no folder that was made for them, unless something else is in it."""
+        with suppress(OSError):  # the refusal is what counts
             for path, content in HydraFiles.found.items():
                 if content is None:
                     path.unlink(missing_ok=True)

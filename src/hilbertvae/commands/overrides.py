@@ -43,8 +43,7 @@ def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
             raise InputError(f"{key}: expected none with dimension={settings.dimension}, where {why}")
     named = named_networks(settings)
     own = f"checkpoint={settings.checkpoint}" if settings.checkpoint else next((f"{key}={path}" for key, path in named.items()), "")
-    trains = any(isinstance(mapper, dict) and mapper.get("reconstructor") == TRAINED for mapper in settings.mapper.values())
-    training = not own or (trains and not settings.checkpoint)
+    training = not settings.trains_none()
     _refuse_of_no_site(settings, overrides, training)
     if training:
         return

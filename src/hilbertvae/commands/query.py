@@ -91,10 +91,12 @@ def _warn_if_off(name: str, points: np.ndarray, mapper: HilbertMap | OctoMapMapp
 
     if hasattr(mapper, "evidence_"):
         low, high = mapper.evidence_.bounds()
+        lowest, highest = mapper.frames_.boxes()  # what they hold is answered, too
+        lowest, highest = np.vstack([low, lowest]).min(axis=0), np.vstack([high, highest]).max(axis=0)
     else:
         tree, shift = mapper.tree(), mapper.shift_ * mapper.resolution_
-        low, high = (np.asarray(end)[: len(shift)] + shift for end in (tree.getMetricMin(), tree.getMetricMax()))
-    if ((points < low - REACH_M) | (points > high + REACH_M)).any(axis=1).all():
+        lowest, highest = low, high = [np.asarray(end)[: len(shift)] + shift for end in (tree.getMetricMin(), tree.getMetricMax())]
+    if ((points < lowest - REACH_M) | (points > highest + REACH_M)).any(axis=1).all():  # beside a map is no other frame
         said = [
             ", ".join(f"{axis} {near:.6g} to {far:.6g} m" for axis, near, far in zip("xyz", *box, strict=False))
             for box in ((points.min(axis=0), points.max(axis=0)), (low, high))

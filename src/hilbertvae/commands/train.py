@@ -65,7 +65,11 @@ def _application(config: DictConfig) -> None:
             # By this name Lightning starts the other processes; in a launcher's worker `__main__` is the launcher.
             sys.modules["__main__"].__spec__ = find_spec("hilbertvae.train")
         with contextlib.nullcontext() if int(os.environ.get("LOCAL_RANK", 0)) else alone_in(output, waits=many):
-            code = (run_clustering if settings.task == "clustering" else run)(settings, again=not many)
+            try:
+                code = (run_clustering if settings.task == "clustering" else run)(settings, again=not many)
+            except InputError:
+                HydraFiles.take_back_training()  # now: nobody else is at work here
+                raise
     except BrokenPipeError:  # nothing of the run has failed: a reader such as `head` has had enough
         if many:
             raise

@@ -14,6 +14,7 @@ from hilbertvae.exports.summary import map_summary, point_counts
 from hilbertvae.files import write_json
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.saved_map import MAP
+from hilbertvae.mappers.turns import turn_of
 from hilbertvae.reports.provenance import made_by
 
 
@@ -44,8 +45,9 @@ def write_map(
     if MAP in listed_files(output):
         raise InputError(f"folder: {output} has a map of hilbertvae-map; choose another")
     check_replaced(output, written_files(exports), "folder")
-    seen = mapper.evidence_.cloud()
-    cells = MapCells.sample(mapper, seen.points, fine_m, reach_of(mapper, fine_m, mapper.evidence_.dimension))
+    with turn_of(mapper):  # all of one state of a map that grows
+        seen = mapper.evidence_.cloud()
+        cells = MapCells.sample(mapper, seen.points, fine_m, reach_of(mapper, fine_m, mapper.evidence_.dimension))
     if resolution_m is not None:
         cells = cells.coarser(resolution_m)
     with writing_beside(output) as beside:

@@ -36,13 +36,13 @@ class Evidence:
     corner, so that large coordinates cost no digits. Row 0 stands for all voxels never seen: no votes, and infinitely far.
     """
 
+    _near, _looked_at = None, 0  # of the class, too: older pickles have neither
+
     def __init__(self, points: np.ndarray, occupied: np.ndarray, weight: np.ndarray, resolution_m: float):
         self.resolution_m = resolution_m
         self.dimension = dimension = points.shape[1]
         self.bricks = VoxelBricks(dimension)
         self._brick_m = self.bricks.side * resolution_m
-        self._near: Nearness | None = None
-        self._looked_at = 0
         self._place, self._features = GrowingArray(np.zeros(1, np.int64)), GrowingArray(np.zeros((1, 4)))
         self._hits, self._frees = GrowingArray(np.zeros(1)), GrowingArray(np.zeros(1))
         self._hit_mean, self._free_mean = ([GrowingArray(np.full(1, np.inf, np.float32)) for _ in range(dimension)] for _ in range(2))
@@ -173,7 +173,7 @@ class Evidence:
                 corners = self.bricks.corners * self._brick_m
                 low, high = queries.min(axis=0) - SEEN_NEAR_M - self._brick_m, queries.max(axis=0) + SEEN_NEAR_M
                 around = np.flatnonzero(((corners >= low) & (corners <= high)).all(axis=1))
-                self._looked_at += len(around)
+                self._looked_at += len(around) + 1 + len(corners) // 50  # to look for them takes time, too
                 if 2 * self._looked_at <= len(corners):
                     return self._near_in(around)
                 self._near = self._near_in(np.arange(len(corners)))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
@@ -35,7 +36,7 @@ class GrowingMapper(CompletingMapper):
         farther than the inner radius from every seed becomes a seed, whatever `grid.start` says.
 
         With `reconstruct=False` queries reconstruct what they need of it: the boxes that answer them, for all scans since. Threads take
-        turns from the second scan on: one that asks waits until a scan is added, and reconstructed, and the other way round.
+        turns: one that asks, copies (`copy.deepcopy`) or saves the map waits until a scan is added and reconstructed, or adds after it.
 
         `classes`, the two labels that there are, the lesser, which is free, first (scikit-learn has them so), are for a first scan with one
         label alone; False and True need none. Raises `InputError` as `fit` does, for labels that the map does not know, and for a map with
@@ -105,7 +106,7 @@ class GrowingMapper(CompletingMapper):
 
     def settle(self, queries: np.ndarray | None = None):
         """Reconstruct what scans have changed; given `queries (Q, D)`, only the boxes that answer them, as each query does by itself."""
-        with self._turn():
+        with turn_of(self):
             check_is_fitted(self)
             self._settle(queries)
         return self
@@ -123,19 +124,30 @@ class GrowingMapper(CompletingMapper):
         self._growing.settle(self._completed_as_sampled, wanted)
         self.grids_, self.known_ = self._growing.completed.value, self._growing.completed.known  # a pickle's are copies
 
-    def _turn(self) -> AbstractContextManager:
-        """Where scans were added, more may come meanwhile from other threads."""
-        return nullcontext() if self._growing is None else turn_of(self)
-
     def predict_proba(self, queries) -> np.ndarray:
-        with self._turn():
+        with turn_of(self):
             return super().predict_proba(queries)
+
+    def _one_each(self, queries: np.ndarray) -> np.ndarray:
+        with turn_of(self).lent():  # a map of somebody's own may ask for `features`
+            return super()._one_each(queries)
 
     def _answer(self, answer: Callable[[np.ndarray], np.ndarray], queries, columns: int | None = None) -> np.ndarray:
         """(Q,) or (Q, columns) what `answer` says of `queries (Q, D)`, of a map that nothing is added to meanwhile."""
-        with self._turn():
+
+        def lent(part: np.ndarray) -> np.ndarray:
+            with turn_of(self).lent():
+                return answer(part)
+
+        with turn_of(self):
             check_is_fitted(self)
-            return answer_in_chunks(answer, self._checked(queries), self.chunk, columns)
+            return answer_in_chunks(lent, self._checked(queries), self.chunk, columns)
+
+    def __deepcopy__(self, memo: dict) -> GrowingMapper:
+        with turn_of(self):  # half a scan can't be copied
+            copied = memo[id(self)] = type(self).__new__(type(self))
+            copied.__setstate__(copy.deepcopy(self.__getstate__(), memo))
+        return copied
 
     def _completed_as_sampled(self, cloud_in: Callable[[Frames], Cloud], frames: Frames) -> Iterator[tuple[slice, Completion]]:
         """`_completed_parts` of the evidence's own clouds."""

@@ -22,6 +22,7 @@ from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
 from hilbertvae.mappers.map_arrays import map_arrays
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.mappers.turns import turn_of
 from hilbertvae.mappers.weights import RankWeights, disagreement, learned_weights, unit_weights
 
 if TYPE_CHECKING:  # late: a saved map answers without torch
@@ -153,8 +154,7 @@ class HilbertMap(GrowingMapper):
     def features(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
         """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, the evidence
         (S, F) of those whose was, and how far away (Q,) returns are from those that no box holds (`Evidence.away`)."""
-        with self._turn():
-            check_is_fitted(self)
+        with turn_of(self):
             return self._phi(self._checked(queries))
 
     def _phi(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -245,6 +245,6 @@ class HilbertMap(GrowingMapper):
 
     def observed(self, queries) -> np.ndarray:
         """(Q,) bool: whether the voxel of each query was observed."""
-        with self._turn():
+        with turn_of(self):
             check_is_fitted(self)
             return self.evidence_.find(Mapper._checked(self, queries)) != NONE  # no grid is asked

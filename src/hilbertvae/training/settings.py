@@ -97,6 +97,11 @@ class Settings:
         first = self.data.simulated_first
         return [f"{SIMULATED}{number}" for number in range(first, first + self.data.simulated)]
 
+    def trains_none(self) -> bool:
+        """Whether all networks that are scored were trained before: the `checkpoint`, or those that mappers name."""
+        asked = [one.get("reconstructor") for one in self.mapper.values() if isinstance(one, dict)]
+        return bool(self.checkpoint) or (TRAINED not in asked and any(asked))
+
     def calibration_sites(self) -> list[str]:
         """References of the sites that the Hilbert Map's weights are learned on."""
         return self.data.calibrate or [self.data.validate]
@@ -129,7 +134,8 @@ class Settings:
         self.trainer.check()
         if self.task == "clustering" and self.study.cloud == "returns" and not self.data.test:
             raise InputError("data.test: expected a site whose returns are clustered, got none")
-        trained = [] if self.checkpoint else [*self.data.train, *self.simulated_sites()]  # of a network that is given its card says on what
+        # Of networks that are given their cards say on what they were trained.
+        trained = [] if self.trains_none() else [*self.data.train, *self.simulated_sites()]
         check_roles(trained, self.data.validate, self.data.test, self.data.calibrate)
         check_count(self.clustering.clusterings, "clustering.clusterings")
         for name, mapper in self.mapper.items():
