@@ -5,6 +5,7 @@ import os
 import pickle
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -120,3 +121,17 @@ def test_maps_that_older_versions_have_pickled_answer_beyond_their_boxes(room):
     for name in ("_near", "_looked_at"):
         vars(mapper.evidence_).pop(name, None)
     assert pickle.loads(pickle.dumps(mapper)).predict_proba([[30.0, 30.0]]).shape == (1, 2)
+
+
+def test_a_map_is_begun_once(room):
+    """Also where two threads come with the first scan: neither's is lost."""
+    parts = clouds(room, every=4)[:2]
+    shared, alone = HilbertMap(network(2)), streamed(HilbertMap(network(2)), parts)
+    threads = [threading.Thread(target=add, args=(shared, part)) for part in parts]
+    with turn_of(shared):
+        for thread in threads:
+            thread.start()
+            time.sleep(0.1)  # it waits for its turn
+    for thread in threads:
+        thread.join()
+    assert len(shared.evidence_) == len(alone.evidence_) > max(len(streamed(HilbertMap(network(2)), [part]).evidence_) for part in parts)

@@ -9,10 +9,9 @@ import numpy as np
 from hilbertvae.cloud import Cloud
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.exports.octree import octree_shift
+from hilbertvae.mappers.octomap_mapper import OCTREES
 from hilbertvae.scans.scan import Scans
 
-OCTREES = ("ot", "bt")
-"""The formats that may be shifted."""
 KINDS = ("occupied", "free", "unknown")
 
 
@@ -35,7 +34,7 @@ def map_summary(name: str, points: dict[str, int], cells: MapCells, folder: Path
     whole = int(np.prod([float(length) for length in shape]))
     filled = cells.select(~cells.observed)
     before, after = _counts(cells.select(cells.observed), whole), _counts(cells, whole)
-    written = any((folder / f"map.{kind}").exists() for kind in OCTREES)
+    written = any((folder / f"map{ending}").exists() for ending in OCTREES)
     shift = octree_shift(cells)[: cells.dimension] * cells.resolution_m if written else np.zeros(cells.dimension)
     return {
         "name": name,

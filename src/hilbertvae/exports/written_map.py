@@ -55,5 +55,6 @@ def write_map(
         files = sorted(file.name for file in beside.iterdir())
         summary = map_summary(output.resolve().name, point_counts(seen), cells, beside)
         write_json(beside / SUMMARY, {**summary, "files": files, **made_by()})
+        check_replaced(output, written_files(exports), "folder")  # again: something may have come there meanwhile
         replace_map(beside, output, files)
     return [output / name for name in files]

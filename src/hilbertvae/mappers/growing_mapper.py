@@ -45,19 +45,22 @@ class GrowingMapper(CompletingMapper):
         Stopped while it reconstructs (Ctrl-C), a first scan is taken back, but a later one stays in the map: don't give it again; what is
         left of its clusters is reconstructed by the next query, or by `settle`.
         """
-        first = not hasattr(self, "grids_")
-        if self.weights == "cluster" if first else self.factors_ is not None:
-            wanted = "expected unit or rank for partial_fit, got 'cluster', which are fitted on a whole site"
-            raise InputError(f"weights: {wanted}" + ("" if first else "; fit the map anew with others"))
-        if not getattr(self, "fills_", self.fill):  # a setting changed since takes effect with the next fit
-            raise InputError("fill: expected a map that fills gaps for partial_fit; fit one without grids on all scans")
-        if not first and self.reconstructor is not self.completes_:
-            raise InputError("reconstructor: expected the one that the map's grids are of for partial_fit; fit the map anew with another")
-        if first and self.adapt_steps:
-            raise InputError("adapt_steps: expected 0 to begin a map with partial_fit; only fit has a site to learn from")
-        with turn_of(self), self._restored_on_failure() if first else nullcontext():  # later scans are refused before anything is altered
-            self._add(points, y, sample_weight, classes, first)
-            return self.settle() if reconstruct else self
+        with turn_of(self):  # whether there is a map yet, too, is known to one that waited
+            first = not hasattr(self, "grids_")
+            if self.weights == "cluster" if first else self.factors_ is not None:
+                wanted = "expected unit or rank for partial_fit, got 'cluster', which are fitted on a whole site"
+                raise InputError(f"weights: {wanted}" + ("" if first else "; fit the map anew with others"))
+            if not getattr(self, "fills_", self.fill):  # a setting changed since takes effect with the next fit
+                raise InputError("fill: expected a map that fills gaps for partial_fit; fit one without grids on all scans")
+            if not first and self.reconstructor is not self.completes_:
+                raise InputError(
+                    "reconstructor: expected the one that the map's grids are of for partial_fit; fit the map anew with another"
+                )
+            if first and self.adapt_steps:
+                raise InputError("adapt_steps: expected 0 to begin a map with partial_fit; only fit has a site to learn from")
+            with self._restored_on_failure() if first else nullcontext():  # later scans are refused before anything is altered
+                self._add(points, y, sample_weight, classes, first)
+                return self.settle() if reconstruct else self
 
     def _add(self, points, y, sample_weight, classes, first) -> None:
         points, y, weight = self._checked_cloud(points, y, sample_weight, first)
@@ -134,12 +137,13 @@ class GrowingMapper(CompletingMapper):
 
     def _answer(self, answer: Callable[[np.ndarray], np.ndarray], queries, columns: int | None = None) -> np.ndarray:
         """(Q,) or (Q, columns) what `answer` says of `queries (Q, D)`, of a map that nothing is added to meanwhile."""
+        turn = turn_of(self)
 
         def lent(part: np.ndarray) -> np.ndarray:
-            with turn_of(self).lent():
+            with turn.lent():
                 return answer(part)
 
-        with turn_of(self):
+        with turn:
             check_is_fitted(self)
             return answer_in_chunks(lent, self._checked(queries), self.chunk, columns)
 
