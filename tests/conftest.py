@@ -35,11 +35,25 @@ def place(request) -> Site:
 
 
 @pytest.fixture(scope="session")
-def real_sites() -> dict[str, Path]:
-    """Files and folders of the catalogue's sites that are on this machine, by name; skips without any."""
+def real_data() -> Path:
+    """The folder of real sites, which need not be there."""
     chosen = os.environ.get("HILBERTVAE_DATA")
-    folder = Path(chosen) if chosen else Path(__file__).parents[2] / "shared" / "data"
-    paths = {name: folder / f"{entry.dimension}d" / entry.file for name, entry in CATALOGUE.items()}
+    return Path(chosen) if chosen else Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.fixture(scope="session")
+def real_scans(real_data) -> list[Path]:
+    """Files of real 3D scans as KITTI has them; skips without any."""
+    files = sorted(real_data.glob("3d/*/velodyne/*.bin"))
+    if not files:
+        pytest.skip("no real scans here; set HILBERTVAE_DATA to a folder that has them")
+    return files
+
+
+@pytest.fixture(scope="session")
+def real_sites(real_data) -> dict[str, Path]:
+    """Files and folders of the catalogue's sites that are on this machine, by name; skips without any."""
+    paths = {name: real_data / f"{entry.dimension}d" / entry.file for name, entry in CATALOGUE.items()}
     found = {name: path for name, path in paths.items() if path.exists()}
     if not found:
         pytest.skip("no real sites here; set HILBERTVAE_DATA to a folder that has them")

@@ -1,5 +1,4 @@
 import math
-import os
 import re
 import warnings
 from pathlib import Path
@@ -141,9 +140,8 @@ def test_a_drive_without_poses(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def drive0005() -> Path:
-    chosen = os.environ.get("HILBERTVAE_DATA")
-    folder = (Path(chosen) if chosen else Path(__file__).parents[3] / "shared" / "data") / "3d" / "kitti_drive0005"
+def drive0005(real_data) -> Path:
+    folder = real_data / "3d" / "kitti_drive0005"
     if not folder.is_dir():
         pytest.skip("kitti_drive0005 is not here; set HILBERTVAE_DATA to a folder that has it")
     return folder

@@ -51,3 +51,14 @@ def test_a_map_of_other_voxels_than_the_site_s_is_told(recwarn):
     recwarn.clear()
     evaluate_all({"octomap": OctoMapMapper(resolution_m=0.2), "near": NearestMapper()}, site, PROTOCOL)
     assert not [warning for warning in recwarn if "voxels" in str(warning.message)]
+
+
+@pytest.mark.parametrize("beside", [5e-10, -5e-10])
+def test_what_rounding_adds_to_a_probability_is_taken_off(place, beside):
+    class Own(NearestMapper):
+        def _probability(self, queries):
+            return super()._probability(queries) + beside
+
+    found = evaluate_all({"own": Own(), "near": NearestMapper()}, place, PROTOCOL)
+    assert not found.failed
+    assert found.scores["own"]["points"]["gaps"]["f1"] == found.scores["near"]["points"]["gaps"]["f1"]

@@ -173,7 +173,7 @@ class Mapper(ClassifierMixin, BaseEstimator):
             raise ValueError(f"{name}._probability: expected shape {(len(queries),)}, p(occupied) of each query, got {occupied.shape}")
         if (wrong := ~((occupied >= -ROUNDING) & (occupied <= 1 + ROUNDING))).any():  # NaN, too
             raise ValueError(f"{name}._probability: expected numbers from 0 to 1, got {occupied[wrong][0]}")
-        return occupied
+        return np.clip(occupied, 0.0, 1.0)  # whoever scores it takes no more for a probability than from 0 to 1
 
     def predict_map(self, queries) -> np.ndarray:
         """(Q,) p(occupied) as a map shows it; a mapper that can tell where no scan would ever see says 0.5 there."""
