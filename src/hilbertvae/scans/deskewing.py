@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hilbertvae.scans.rigid_motion import motion_between
+
 PIECES = 8
 """Of a sweep, each on a line and at a constant rate: a robot's transforms come 10 to 100 times a second."""
 
@@ -42,15 +44,7 @@ def deskewed_along(
     for number in np.unique(piece):
         chosen = np.flatnonzero(piece == number)
         shares = (times_ns[chosen] - knots[number]) / (knots[number + 1] - knots[number])
-        moved = deskewed(points[chosen], starts[chosen], shares, _between(poses[number], poses[number + 1]))
-        back = _between(pose, poses[number])
+        moved = deskewed(points[chosen], starts[chosen], shares, motion_between(poses[number], poses[number + 1]))
+        back = motion_between(pose, poses[number])
         points[chosen], starts[chosen] = (part @ back[:3, :3].T + back[:3, 3] for part in moved)
     return points, starts
-
-
-def _between(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """(4, 4): `second` in the frame of `first`; exact to the last bits for places of UTM's size, too."""
-    found = np.eye(4)
-    found[:3, :3] = first[:3, :3].T @ second[:3, :3]
-    found[:3, 3] = first[:3, :3].T @ (second[:3, 3] - first[:3, 3])
-    return found

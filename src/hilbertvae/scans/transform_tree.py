@@ -10,13 +10,7 @@ import numpy as np
 from hilbertvae.checks import InputError
 from hilbertvae.scans.frame_chains import are_connected, find_chain
 from hilbertvae.scans.pose_track import PoseTrack
-
-
-def _inverse(pose: np.ndarray) -> np.ndarray:
-    """Of a rigid motion (4, 4): exact to the last bits for places of UTM's size, too."""
-    inverse = np.eye(4)
-    inverse[:3, :3], inverse[:3, 3] = pose[:3, :3].T, -pose[:3, :3].T @ pose[:3, 3]
-    return inverse
+from hilbertvae.scans.rigid_motion import motion_between
 
 
 @dataclass(frozen=True)
@@ -98,7 +92,7 @@ class TransformTree:
         if chain is None:
             return None
         there, back = (self._climb(names, stamp_ns) for names in chain)
-        return None if there is None or back is None else _inverse(back) @ there
+        return None if there is None or back is None else motion_between(back, there)
 
     def tracks(self, fixed: str, frame: str) -> list[PoseTrack]:
         """Those that `pose` has gone by from one frame to another; none where it was not asked."""
