@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
@@ -12,6 +14,15 @@ import numpy as np
 
 class InputError(ValueError):
     """Bad input: the message names the file, key or argument and what was expected instead."""
+
+
+@contextmanager
+def named(where: str | Path) -> Iterator[None]:
+    """Puts `where` ahead of an `InputError` of the block that does not know it."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def check_points(points, name: str = "points", dimension: int | None = None, allow_empty: bool = False, hint: str = "") -> np.ndarray:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
 
-from hilbertvae.checks import InputError, check_cell_m, check_whole, check_writable
+from hilbertvae.checks import InputError, check_cell_m, check_whole, check_writable, named
 from hilbertvae.cloud import Cloud, fit_cloud
 from hilbertvae.exports.formats import check_names, suiting_exports, write_exports
 from hilbertvae.exports.map_cells import MapCells, reach_of
@@ -139,10 +139,8 @@ def _read(settings: MapSettings) -> Scans | GivenMap:
 
 def _labelled(scans: str, source: Scans | GivenMap, cell_m: float) -> Cloud:
     """The points that a map of such cells is fitted to."""
-    try:
+    with named(scans):
         cloud = source.cloud(cell_m) if isinstance(source, GivenMap) else fit_cloud(source, cell_m)
-    except InputError as error:
-        raise InputError(f"{scans}: {error}") from error
     if cloud.occupied.all() or not cloud.occupied.any():
         found = "occupied" if cloud.occupied.any() else "free"
         raise InputError(f"{scans}: expected free and occupied space, found {found} space alone")

@@ -15,9 +15,9 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from hilbertvae.checks import InputError, check_cell_m, check_positive
+from hilbertvae.checks import InputError, check_cell_m, check_positive, named
 from hilbertvae.cloud import Cloud, labelled_voxels
-from hilbertvae.scans.file_points import check_fits, named, reading
+from hilbertvae.scans.file_points import check_fits, reading
 from hilbertvae.voxel_votes import voxel_index
 
 OCCUPIED_PIXEL, FREE_PIXEL, UNKNOWN_PIXEL = 0, 254, 205

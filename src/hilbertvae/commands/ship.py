@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hilbertvae.checks import InputError, check_seeds
+from hilbertvae.checks import InputError, check_seeds, named
 from hilbertvae.cloud import READINGS
 from hilbertvae.files import atomic
 from hilbertvae.mappers.hilbert_map import HilbertMap
@@ -22,7 +22,6 @@ from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.shipped import SHIPPED, checkpoint_path
 from hilbertvae.reconstruction.training_card import calibrated_on
 from hilbertvae.reports.card import card_text
-from hilbertvae.scans.file_points import named
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.scoring.protocol_settings import GIVEN, check_given
 from hilbertvae.simulate.building_variety import check_variety

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, named
 from hilbertvae.exports.map_cells import MOST_DENSE, MapCells
 from hilbertvae.files import atomic
 from hilbertvae.scans.file_points import check_expansion, reading
@@ -69,10 +69,8 @@ def read_grid(path: str | os.PathLike) -> MapCells:
             known = arrays["known"]
             arrays |= {name: arrays[name][known] for name in _COLUMNS}
             arrays["index"] = np.argwhere(known) + arrays["first"]
-        try:
+        with named(path):
             return MapCells(arrays["index"], float(arrays["resolution_m"]), *(arrays[name] for name in _COLUMNS))
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
 
 
 def _check(path: Path, archive: zipfile.ZipFile, shapes: dict[str, tuple[int, ...]], leader: str) -> None:

@@ -9,11 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from hilbertvae.checks import named
 from hilbertvae.cloud import Cloud
 from hilbertvae.mappers.octomap_mapper import OCTREES, read_octree
 from hilbertvae.mappers.octree_cloud import octree_cloud
 from hilbertvae.observed_map import ros_map_cloud, ros_map_header
-from hilbertvae.scans.file_points import named
 
 MAPS = (".yaml", ".yml", ".pgm", *OCTREES)
 """How the names of maps that can be filled end."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import named
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.weights import check_learned
 from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -21,8 +21,6 @@ def load_mapper(checkpoint: str | os.PathLike, **settings) -> HilbertMap:
     as `calibration="points"`. Raises `InputError` for a file that is missing, damaged or not ours.
     """
     reconstructor = Reconstructor.load(checkpoint)
-    try:
+    with named(checkpoint):
         check_learned(reconstructor.map_weights)
-    except InputError as error:
-        raise InputError(f"{checkpoint}: {error}") from error
     return HilbertMap(reconstructor, **settings)

@@ -9,8 +9,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import BinaryIO, Self
 
-from hilbertvae.checks import InputError, extra_module
-from hilbertvae.scans.file_points import MAX_EXPANSION, SMALL_BYTES, named
+from hilbertvae.checks import InputError, extra_module, named
+from hilbertvae.scans.file_points import MAX_EXPANSION, SMALL_BYTES
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hilbertvae.checks import InputError, extra_module
+from hilbertvae.checks import InputError, extra_module, named
 from hilbertvae.progress import track
 from hilbertvae.scans.bag_chunks import bounded_unpacking
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
@@ -20,7 +20,7 @@ from hilbertvae.scans.bag_poses import STANDING, BagPoses
 from hilbertvae.scans.beam_lengths import ClippedCheck, beam_lengths, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.deskewing import deskewed_along
-from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, named, reading
+from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, reading
 from hilbertvae.scans.frame_chains import MOST_NAMED
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
 from hilbertvae.scans.opened_bag import OpenedBag, opened_bag

@@ -57,15 +57,6 @@ def reading(path: Path, kind: str) -> Iterator[None]:
         raise InputError(f"{path}: can't be read as {kind} ({type(error).__name__}: {' '.join(str(error).split())[:200]})") from error
 
 
-@contextmanager
-def named(where: str | Path) -> Iterator[None]:
-    """Puts `where` ahead of an `InputError` of the block that does not know it."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from None
-
-
 def check_fits(path: Path, what: str, needed: int, there: int) -> None:
     """An `InputError` where `what` needs more bytes than are there, before memory is taken for it."""
     if needed > there:

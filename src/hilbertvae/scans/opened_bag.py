@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
 
-from hilbertvae.checks import InputError, extra_module
+from hilbertvae.checks import InputError, extra_module, named
 from hilbertvae.scans.bag_files import bag_parts, check_files, check_order
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, LIVOX_CLOUDS
 from hilbertvae.scans.bag_poses import ODOMETRY, PATH, POSES, TRANSFORMS, BagPoses, nanoseconds
-from hilbertvae.scans.file_points import named, reading
+from hilbertvae.scans.file_points import reading
 from hilbertvae.scans.livox_messages import livox_cloud
 from hilbertvae.scans.point_times import usual_step_ns
 from hilbertvae.scans.transform_topics import TransformTopics

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, named
 from hilbertvae.progress import track
 from hilbertvae.scans.beam_lengths import ClippedCheck, beam_lengths, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
-from hilbertvae.scans.file_points import LIDAR_RANGE_M, FilePoints, check_reading, named, reading
+from hilbertvae.scans.file_points import LIDAR_RANGE_M, FilePoints, check_reading, reading
 from hilbertvae.scans.names_in_order import names_in_order
 from hilbertvae.scans.odometry import FINDING, KISS_ICP, KissOdometry, check_poses_choice
 from hilbertvae.scans.own_origins import OwnOrigins, in_space

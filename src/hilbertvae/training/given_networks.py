@@ -5,14 +5,13 @@ from __future__ import annotations
 import copy
 import warnings
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, named
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.adaptation import check_adaptable
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.training_card import calibrated_on
 from hilbertvae.reports.mapper_names import without_sampling
-from hilbertvae.scans.file_points import named
 from hilbertvae.training.devices import filling_device
 from hilbertvae.training.settings import TRAINED, Settings
 from hilbertvae.training.site_roles import check_unseen, place

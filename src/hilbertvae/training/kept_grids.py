@@ -10,12 +10,12 @@ import numpy as np
 from joblib import Parallel, delayed, effective_n_jobs
 
 import hilbertvae
+from hilbertvae.checks import named
 from hilbertvae.cores import shared_by
 from hilbertvae.files import atomic, hash_of
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.progress import track
 from hilbertvae.reconstruction.blocks import is_detailed
-from hilbertvae.scans.file_points import named
 from hilbertvae.training.settings import Settings
 
 VALIDATION_SEEDS = (1_000_001, 1_000_002)

@@ -16,7 +16,7 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from lightning.pytorch.plugins.environments import LightningEnvironment
 from lightning.pytorch.strategies import StrategyRegistry
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, named
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.blocks import convolutions
 from hilbertvae.reconstruction.precision import training_type
@@ -156,10 +156,8 @@ def _check_calibration_sites(settings: Settings) -> None:
     """An `InputError` for a site of somebody's own from which no map's weights can be learned; those of the catalogue are large enough, as
     are simulated ones, and the one to validate on is asked by its grids."""
     for reference in filter(is_scan_path, settings.data.calibrate):
-        try:
+        with named(f"data.calibrate: {reference}"):
             check_learnable(opened_site(reference, settings), settings.grid, settings.validation_gap_m, settings.calibration_seeds)
-        except InputError as error:
-            raise InputError(f"data.calibrate: {reference}: {error}") from error
 
 
 def _precision(settings: Settings) -> str:
