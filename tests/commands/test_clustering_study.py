@@ -4,7 +4,7 @@ import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.commands.clustering_study import write_clustering_failure
-from hilbertvae.reports.run_state import write_refusal
+from hilbertvae.reports.run_folder import write_refusal
 from hilbertvae.tables.clustering import read_starts
 
 

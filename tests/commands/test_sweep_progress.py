@@ -8,7 +8,7 @@ from warm_start import train
 
 from hilbertvae.checks import InputError
 from hilbertvae.commands.sweep_progress import Job, say_how_it_ended, stamps
-from hilbertvae.reports.run_state import write_refusal
+from hilbertvae.reports.run_folder import write_refusal
 from toy_sweeps import put, put_failed
 
 pytest.importorskip("embreex")

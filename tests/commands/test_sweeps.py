@@ -22,7 +22,7 @@ from hilbertvae.commands.run import run
 from hilbertvae.commands.sweep_progress import earlier_jobs, list_jobs, what_failed
 from hilbertvae.commands.table import main as table
 from hilbertvae.reports.result_json import read_result
-from hilbertvae.reports.run_state import UNFINISHED
+from hilbertvae.reports.run_folder import UNFINISHED
 from hilbertvae.training.kept_network import kept_name
 
 pytest.importorskip("embreex")

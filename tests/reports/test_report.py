@@ -17,7 +17,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.reports.report import Report, _network_figures, scores_text
 from hilbertvae.reports.result_json import read_result
-from hilbertvae.reports.run_state import is_finished
+from hilbertvae.reports.run_folder import is_finished
 from hilbertvae.reports.site_pictures import SiteMaps
 from hilbertvae.scoring.cases import given_cloud
 from hilbertvae.scoring.protocol import Protocol, evaluate_all

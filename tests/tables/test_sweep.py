@@ -5,9 +5,9 @@ import json
 import pytest
 
 from hilbertvae.checks import InputError
-from hilbertvae.reports.run_state import write_refusal
-from hilbertvae.tables.layouts import LAYOUTS, read_page
-from hilbertvae.tables.sweep import KINDS, case_of, grouped, read_sweep
+from hilbertvae.reports.run_folder import write_refusal
+from hilbertvae.tables.layouts import read_page
+from hilbertvae.tables.sweep import case_of, grouped, read_sweep
 from toy_sweeps import change, declare, put, put_failed
 
 
@@ -91,10 +91,6 @@ def test_a_sweep_of_ones_own_has_the_table_that_is_asked_for(tmp_path, size):
         read_page(tmp_path)
     text = read_page(tmp_path, "table1").markdown()
     assert f"(table1{', size quick' if size else ''})" in text and "missing: b-seed0" in text
-
-
-def test_every_kind_has_its_table():
-    assert tuple(LAYOUTS) == KINDS
 
 
 def test_no_folder_no_results_and_no_kind(tmp_path):

@@ -21,7 +21,7 @@ from hilbertvae.reconstruction.likelihood import Bernoulli
 from hilbertvae.reconstruction.networks import build_network
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reconstruction.settings import GatedNetworkSettings, LikelihoodSettings
-from hilbertvae.reports.run_state import UNFINISHED
+from hilbertvae.reports.run_folder import UNFINISHED
 from hilbertvae.scoring.protocol import Protocol, evaluate_all
 from hilbertvae.training import kept_scores
 from hilbertvae.training.kept_scores import KeptScores, described

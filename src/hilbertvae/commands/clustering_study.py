@@ -11,7 +11,7 @@ import hilbertvae
 from hilbertvae.clusters.comparison import study, study_clouds
 from hilbertvae.files import hash_of, json_object, write_json
 from hilbertvae.reports.provenance import provenance
-from hilbertvae.reports.run_state import RUN, finite
+from hilbertvae.reports.run_folder import RUN, finite
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.tables.clustering import NAME, SCHEMA_VERSION
 from hilbertvae.training.settings import Settings

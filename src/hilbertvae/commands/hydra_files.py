@@ -13,7 +13,7 @@ from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
 from hilbertvae.files import atomic
-from hilbertvae.reports.run_state import CHECKPOINTS, LOCK, TENSORBOARD, TRAINING
+from hilbertvae.reports.run_folder import CHECKPOINTS, LOCK, RESULT, TENSORBOARD, TRAINING
 
 
 class HydraFiles(Callback):
@@ -39,7 +39,7 @@ class HydraFiles(Callback):
     def take_back_training() -> None:
         """What a training that has not got as far as its first epoch has left in a new folder, of which the process has the lock."""
         with suppress(OSError):
-            if (own := HydraFiles.begun) and not ((own / "result.json").exists() or any((own / CHECKPOINTS).glob("*.ckpt"))):
+            if (own := HydraFiles.begun) and not ((own / RESULT).exists() or any((own / CHECKPOINTS).glob("*.ckpt"))):
                 shutil.rmtree(own / TENSORBOARD, ignore_errors=True)
                 for name in (TRAINING, LOCK):
                     (own / name).unlink(missing_ok=True)

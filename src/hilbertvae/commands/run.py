@@ -14,7 +14,7 @@ from hilbertvae.commands.overrides import learns_weights, named_networks
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reports.provenance import named_without_folders
-from hilbertvae.reports.run_state import NETWORK, clear, forget, forget_other_sites, is_finished, is_trained, was_scored_alone
+from hilbertvae.reports.run_folder import NETWORK, clear, forget, forget_other_sites, is_finished, is_trained, was_scored_alone
 from hilbertvae.scans.sites import site_hashes
 from hilbertvae.site import Site, open_site, site_name
 from hilbertvae.training.settings import Settings

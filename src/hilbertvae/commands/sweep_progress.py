@@ -24,13 +24,13 @@ from hilbertvae.checks import InputError
 from hilbertvae.commands.writable_folder import refuse_unwritable
 from hilbertvae.files import json_object, write_json
 from hilbertvae.reports.result_json import read_result
+from hilbertvae.reports.run_folder import NETWORK, REFUSED, RESULT, is_trained, refusal
 from hilbertvae.reports.run_lock import alone_in
-from hilbertvae.reports.run_state import REFUSED, is_trained, refusal
 from hilbertvae.tables.clustering import NAME as CLUSTERING
 from hilbertvae.tables.clustering import read_starts_file
 from hilbertvae.tables.sweep import SWEEP
 
-ENDS, NETWORK = (REFUSED, CLUSTERING, "result.json"), "model.safetensors"
+ENDS = (REFUSED, CLUSTERING, RESULT)
 """Files in a job's folder that say how it ended, the first that is there; one that only trains leaves its network."""
 NAME_OF_VALUE = re.compile(r"[\w.+-]{1,40}")
 
@@ -192,9 +192,9 @@ def what_failed(folder: Path, scored: bool) -> str | None:
     try:
         if (folder / CLUSTERING).exists():
             return "; ".join(read_starts_file(folder / CLUSTERING).failed.values()) or None
-        if not scored and is_trained(folder) and not (folder / "result.json").exists():
+        if not scored and is_trained(folder) and not (folder / RESULT).exists():
             return None
-        result, _ = read_result(folder / "result.json")
+        result, _ = read_result(folder / RESULT)
     except InputError as error:
         return str(error)
     return "; ".join(f"{name}: {why}" for name, why in result.failed.items()) or None

@@ -20,8 +20,8 @@ from hilbertvae.commands.gpus import give_gpus, remember_gpus, see_remembered_gp
 from hilbertvae.commands.hydra_files import HydraFiles
 from hilbertvae.commands.overrides import refuse_idle, refuse_ignored
 from hilbertvae.commands.run import run
+from hilbertvae.reports.run_folder import allow, has_result, write_failure, write_refusal
 from hilbertvae.reports.run_lock import alone_in
-from hilbertvae.reports.run_state import allow, has_result, write_failure, write_refusal
 from hilbertvae.signals import stopped_by_signals
 from hilbertvae.terminal import let_go_of_output, show_any_text
 

@@ -12,7 +12,7 @@ from scipy.special import logit
 from hilbertvae.checks import InputError
 from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.files import atomic
-from hilbertvae.mappers.octomap_mapper import ORIGIN, OctoMapMapper, voxel_shift, write_octree
+from hilbertvae.mappers.octomap_mapper import OCTREES, ORIGIN, OctoMapMapper, voxel_shift, write_octree
 from hilbertvae.mappers.octree import DEPTH, Leaves, morton
 
 SURE = 1e-6
@@ -28,7 +28,7 @@ def write_octree_map(cells: MapCells, path: str | os.PathLike) -> list[Path]:
     Raises `InputError` for another ending, an empty map, and an extent of more than 65 536 voxels along an axis.
     """
     path = Path(path)
-    if path.suffix not in (".ot", ".bt"):
+    if path.suffix not in OCTREES:
         raise InputError(f"{path}: expected a name that ends in .ot or .bt")
     shift = octree_shift(cells)
     told = cells if path.suffix == ".ot" else cells.select(cells.occupied | cells.free)

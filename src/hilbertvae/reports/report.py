@@ -41,7 +41,7 @@ from hilbertvae.reports.mapper_names import for_points
 from hilbertvae.reports.paper_table import paper_table
 from hilbertvae.reports.provenance import git_state, provenance, without_folders
 from hilbertvae.reports.result_json import write_result
-from hilbertvae.reports.run_state import PICTURES, SCORES, SURFACE, TENSORBOARD, clear_pictures, site_folder
+from hilbertvae.reports.run_folder import PICTURES, RESULT, SCORES, SURFACE, TENSORBOARD, clear_pictures, site_folder
 from hilbertvae.reports.score_pictures import precision_recall_picture, reliability_picture
 from hilbertvae.reports.score_table import markdown_scores, print_scores
 from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
@@ -109,7 +109,7 @@ class Report:
         if trained and "trained_by" in ours.reconstructor.card:
             about["host"]["trained_by"] = ours.reconstructor.card["trained_by"]
         clear_pictures(folder)
-        self.written.append(write_result(folder / "result.json", result, about))
+        self.written.append(write_result(folder / RESULT, result, about))
         with atomic(folder / SCORES) as temporary:
             temporary.write_text(scores_text(result), encoding="utf-8")
         print_scores(result, Console())

@@ -10,7 +10,7 @@ from filelock import FileLock, Timeout
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import clear_temporary
-from hilbertvae.reports.run_state import CHECKPOINTS, LOCK, PICTURES, UNFINISHED
+from hilbertvae.reports.run_folder import CHECKPOINTS, LOCK, PICTURES, UNFINISHED
 
 
 @contextmanager

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from hilbertvae.checks import InputError
-from hilbertvae.reports.run_state import refusal
+from hilbertvae.reports.result_json import STATUSES
+from hilbertvae.reports.run_folder import refusal
 from hilbertvae.tables.alike import OWN
 from hilbertvae.tables.sweep import read_json, read_kind, refusals
 
 SCHEMA_VERSION = 1
 NAME = "clustering.json"
-STATUSES = ("ok", "failed")
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,12 @@ from typing import Any
 from hilbertvae.checks import InputError
 from hilbertvae.reports.mapper_names import champions
 from hilbertvae.reports.result_json import read_result
-from hilbertvae.reports.run_state import refusal
+from hilbertvae.reports.run_folder import RESULT, SCORES, refusal
 from hilbertvae.scoring.result import Result
+from hilbertvae.tables.kinds import KINDS
 from hilbertvae.tables.recipe import check_same_recipe
 
 SWEEP = "sweep.json"
-KINDS = ("table1", "table2", "fig2", "fig6", "fig7", "tradeoff", "ablation", "generalise")
-"""What there are tables for (`layouts.py`)."""
 SIZES = ("quick", "full")
 JOB = re.compile(r"(?P<case>.+)-seed(?P<seed>\d+)")
 """A job's folder, which tells its case where no configuration does."""
@@ -147,8 +146,8 @@ def read_kind(folder: Path, kind: str | None) -> tuple[str, str | None, list[str
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder")
     if not path.exists():
-        if kind is None and (folder / "result.json").exists():
-            raise InputError(f"{folder}: one run and no sweep of several; its table is {folder / 'scores.md'}")
+        if kind is None and (folder / RESULT).exists():
+            raise InputError(f"{folder}: one run and no sweep of several; its table is {folder / SCORES}")
         if kind is None:
             raise InputError(f"{path}: not there; say which sweep this is with --sweep")
         return kind, None, None

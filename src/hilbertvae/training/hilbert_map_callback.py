@@ -13,6 +13,7 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reports.hparams import write_hparams
 from hilbertvae.reports.provenance import made_by
+from hilbertvae.reports.run_folder import NETWORK
 from hilbertvae.scoring.calibration import learn_rank_weights
 from hilbertvae.training.checkpoints import best_reconstructor
 from hilbertvae.training.devices import filling_device, training_gpu
@@ -29,7 +30,7 @@ class HilbertMapCallback(L.Callback):
 
     def __init__(self, settings: Settings, mappers: dict[str, Mapper], write: Writer | None, kept: KeptNetwork | None = None):
         self.settings, self.mappers, self.write, self.kept = settings, mappers, write, kept
-        self.checkpoint = Path(settings.output) / "model.safetensors"
+        self.checkpoint = Path(settings.output) / NETWORK
         self.seconds, self.before = {}, {}
         self.began = made_by() | training_gpu(settings)  # now: the tree may change while the network trains
         self.scoring = False

@@ -23,7 +23,7 @@ from hilbertvae.reconstruction.precision import device_name
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.provenance import cpu_name, package_versions
 from hilbertvae.reports.result_json import read_result, write_result
-from hilbertvae.reports.run_state import UNFINISHED
+from hilbertvae.reports.run_folder import UNFINISHED
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import site_name
 from hilbertvae.training.foreign_code import foreign_source, is_library

@@ -7,7 +7,7 @@ from pathlib import Path
 from hilbertvae.files import hash_of, json_object, write_json
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.reports.provenance import package_versions
-from hilbertvae.reports.run_state import CHECKPOINTS
+from hilbertvae.reports.run_folder import CHECKPOINTS
 from hilbertvae.training.kept_scores import CODE, described, is_known
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.training_hash import training_hash

@@ -10,7 +10,7 @@ from pathlib import Path
 from hilbertvae.checks import InputError
 from hilbertvae.files import files_at, path_sha256
 from hilbertvae.reconstruction.training_card import stages
-from hilbertvae.reports.run_state import OWN_FOLDERS
+from hilbertvae.reports.run_folder import OWN_FOLDERS
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.site import SIMULATED, site_name

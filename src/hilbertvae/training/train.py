@@ -21,7 +21,7 @@ from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.blocks import convolutions
 from hilbertvae.reconstruction.precision import training_type
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reports.run_state import CHECKPOINTS, NETWORK
+from hilbertvae.reports.run_folder import CHECKPOINTS, NETWORK
 from hilbertvae.reports.tensorboard import FLUSH_S
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.scoring.calibration import check_learnable

@@ -9,7 +9,7 @@ from pathlib import Path
 from hilbertvae.checks import InputError
 from hilbertvae.files import json_object, write_json
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reports.run_state import CHECKPOINTS, NETWORK, TRAINING, clear, is_trained
+from hilbertvae.reports.run_folder import CHECKPOINTS, NETWORK, TRAINING, clear, is_trained
 from hilbertvae.training.checkpoints import read_checkpoint
 from hilbertvae.training.kept_network import kept_name
 from hilbertvae.training.settings import Settings

@@ -1,4 +1,4 @@
-"""What the result files of a run say of it: finished before, or broken (METHOD 7: `status`)."""
+"""A run's folder: what lies in it, whether that is of a run that has finished, and what of it is removed before another one."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ RUN = "run"
 
 TRAINING = "training.json"
 """What a training begun in a folder is of, by hashes."""
+
+RESULT = "result.json"
+"""What a run has scored on a site, or why it broke (METHOD 7: `status`)."""
 
 NETWORK = "model.safetensors"
 """The network of a training that has ended."""
@@ -54,7 +57,7 @@ def is_finished(folder: str | Path, sites: list[str], identity: dict, pictures: 
     if (Path(folder) / UNFINISHED).exists():
         return False
     for number, site in enumerate(sites):
-        path = site_folder(Path(folder), site, first=not number) / "result.json"
+        path = site_folder(Path(folder), site, first=not number) / RESULT
         try:
             result, about = read_result(path)
         except InputError:  # missing, damaged, or of another version: to be made again
@@ -83,21 +86,21 @@ def forget(folder: str | Path) -> None:
     otherwise count them as the job's."""
     for site in _site_folders(folder):
         _forget_site(site)
-    for result in [Path(folder) / "result.json", *Path(folder).glob("*/result.json")]:
+    for result in [Path(folder) / RESULT, *Path(folder).glob(f"*/{RESULT}")]:
         result.unlink(missing_ok=True)
 
 
 def forget_other_sites(folder: str | Path, identity: dict) -> None:
     """After a run has written everything: remove the results of sites that an earlier one scored, and this one, of `identity`, did not."""
     for site in _site_folders(folder):
-        if json_object(site / "result.json").get("config_hash") != hash_of(identity):
+        if json_object(site / RESULT).get("config_hash") != hash_of(identity):
             _forget_site(site)
 
 
 def _site_folders(folder: str | Path) -> list[Path]:
     """The folders, in a run's own, of its further sites' results; another run may have its folder there, too, with what only runs leave."""
     found = []
-    for result in Path(folder).glob("*/result.json"):
+    for result in Path(folder).glob(f"*/{RESULT}"):
         of_a_run = any((result.parent / name).exists() for name in (LOCK, TRAINING, NETWORK, CHECKPOINTS, TENSORBOARD))
         site = json_object(result).get("site")
         if not of_a_run and isinstance(site, str) and result.parent == site_folder(Path(folder), site, first=False):
@@ -106,7 +109,7 @@ def _site_folders(folder: str | Path) -> list[Path]:
 
 
 def _forget_site(folder: Path) -> None:
-    for name in ("result.json", SCORES):
+    for name in (RESULT, SCORES):
         (folder / name).unlink(missing_ok=True)
     clear_pictures(folder)
 
@@ -114,14 +117,14 @@ def _forget_site(folder: Path) -> None:
 def has_result(folder: str | Path) -> bool:
     """Whether a run has left scores in `folder`, whatever its settings were."""
     try:
-        return bool(read_result(Path(folder) / "result.json")[0].scores)
+        return bool(read_result(Path(folder) / RESULT)[0].scores)
     except InputError:
         return False
 
 
 def was_scored_alone(folder: str | Path) -> bool:
     """Whether an earlier run has scored into this folder, and none trained there, whose curves are in its TensorBoard."""
-    return (Path(folder) / "result.json").exists() and not (Path(folder) / TRAINING).exists()
+    return (Path(folder) / RESULT).exists() and not (Path(folder) / TRAINING).exists()
 
 
 def clear(folder: str | Path) -> None:
@@ -150,7 +153,7 @@ def write_failure(folder: str | Path, config: dict, error: BaseException) -> Pat
         failed={RUN: f"{type(error).__name__}: {error}"},
         protocol=dict(evaluation),
     )
-    return write_result(Path(folder) / "result.json", broken, provenance(config, identity={"failed": True}))
+    return write_result(Path(folder) / RESULT, broken, provenance(config, identity={"failed": True}))
 
 
 def write_refusal(folder: str | Path, error: BaseException) -> None:

@@ -7,7 +7,7 @@ from reports_toys import reconstructor, result
 from hilbertvae.checks import InputError
 from hilbertvae.reports.provenance import provenance
 from hilbertvae.reports.result_json import read_result, write_result
-from hilbertvae.reports.run_state import (
+from hilbertvae.reports.run_folder import (
     RUN,
     TRAINING,
     UNFINISHED,
