@@ -8,6 +8,7 @@ import numpy as np
 from torch.utils.tensorboard import SummaryWriter
 from torch.utils.tensorboard.summary import hparams
 
+from hilbertvae.dotted_keys import leaves
 from hilbertvae.reports.mapper_names import champions, is_rival
 from hilbertvae.scoring.result import Result
 
@@ -53,12 +54,5 @@ def _flat(config: dict) -> Iterator[tuple[str, str | float | bool]]:
         if key in config:
             yield key, config[key]
     for section in SECTIONS:
-        yield from _flat_section(section, config.get(section) or {})
-
-
-def _flat_section(name: str, section: dict) -> Iterator[tuple[str, str | float | bool]]:
-    for key, value in section.items():
-        if isinstance(value, dict):
-            yield from _flat_section(f"{name}.{key}", value)
-        else:
-            yield f"{name}.{key}", value if isinstance(value, (str, bool, int, float)) else str(value)
+        for key, value in leaves(config.get(section) or {}, section):
+            yield key, value if isinstance(value, (str, bool, int, float)) else str(value)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from matplotlib.figure import Figure
 
+from hilbertvae.dotted_keys import leaves
 from hilbertvae.drawing.colours import OTHERS, OURS
 from hilbertvae.reports.score_table import NOTHING
 from hilbertvae.tables import recipe
@@ -80,16 +79,9 @@ def switched(run: Run, default: Run | None) -> str:
     """The settings of a run that are others than the default's, as overrides of a command line."""
     if default is None or run.case == DEFAULT:
         return NOTHING
-    ours, theirs = (flat({part: of.config(part) for part in PARTS}) for of in (run, default))
+    ours, theirs = (dict(leaves({part: of.config(part) for part in PARTS})) for of in (run, default))
     changed = [f"{key}={ours.get(key)}" for key in sorted({*ours, *theirs}) if ours.get(key) != theirs.get(key)]
     return ", ".join(changed[:SHOWN]) + (f" and {len(changed) - SHOWN} more" if len(changed) > SHOWN else "") or "the same settings"
-
-
-def flat(node: Any, key: str = "") -> dict[str, Any]:
-    """Leaves of nested settings by dotted key."""
-    if not isinstance(node, dict):
-        return {key: node}
-    return {name: leaf for part, below in node.items() for name, leaf in flat(below, f"{key}.{part}".lstrip(".")).items()}
 
 
 def ablation_picture(rows: list[Row]) -> Figure:

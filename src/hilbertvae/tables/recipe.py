@@ -8,6 +8,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from hilbertvae.checks import InputError
+from hilbertvae.dotted_keys import leaves
 from hilbertvae.reconstruction.training_card import LEARNED_AS, OLDER
 
 PARTS = (
@@ -54,16 +55,9 @@ def _facts(about: dict) -> Iterator[tuple[str, Any]]:
     if isinstance(card, dict):
         for key in OF_A_CARD:
             said = card.get(key)
-            yield from _leaves(f"card.{key}", OLDER | said if key == LEARNED_AS and isinstance(said, dict) else said)
-
-
-def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """A card's nested settings one by one, so that one which older cards lack is not compared."""
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield from _leaves(f"{name}.{key}", inner)
-    elif value is not None:
-        yield name, value
+            said = OLDER | said if key == LEARNED_AS and isinstance(said, dict) else said
+            # One by one, so that what older cards lack is not compared.
+            yield from ((name, value) for name, value in leaves(said, f"card.{key}") if value is not None)
 
 
 def _flat(config: dict) -> Iterator[tuple[str, Any]]:

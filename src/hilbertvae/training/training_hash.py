@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
+from hilbertvae.dotted_keys import leaves
 from hilbertvae.files import hash_of, path_sha256
 from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.scans.formats import is_scan_path
@@ -36,18 +36,10 @@ def trained_by(settings: Settings) -> dict:
 
 def first_differences(ours: dict, theirs: dict) -> str:
     """What the first keys of nested dictionaries that differ are in each of the two, in a sentence; empty where nothing does."""
-    ours, theirs = dict(_flat(ours)), dict(_flat(theirs))
+    ours, theirs = dict(leaves(ours)), dict(leaves(theirs))
     other = [key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key)]
     more = f", and {len(other) - MOST_NAMED} more" if len(other) > MOST_NAMED else ""
     return ", ".join(f"{key} {theirs.get(key)!r:.60} and not {ours.get(key)!r:.60}" for key in other[:MOST_NAMED]) + more
-
-
-def _flat(node: dict, before: str = "") -> Iterator[tuple[str, object]]:
-    for key, value in node.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{before}{key}.")
-        else:
-            yield f"{before}{key}", value
 
 
 def recipe_hash(settings: Settings, started_from: dict | None) -> str:
