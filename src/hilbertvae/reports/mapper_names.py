@@ -19,8 +19,13 @@ def is_network(name: str) -> bool:
 
 
 def is_rival(name: str) -> bool:
-    """Whether networks are compared with a mapper of this name: it has none, and does not know where gaps are as `gap-centre` does."""
-    return not is_network(name) and name != "gap-centre"
+    """Whether networks are compared with a mapper of this name."""
+    return competes(name) and not is_network(name)
+
+
+def competes(name: str) -> bool:
+    """Not `gap-centre`, which is told where gaps are."""
+    return name != "gap-centre"
 
 
 def reading_of(name: str) -> str:

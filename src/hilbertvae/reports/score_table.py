@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from hilbertvae.reports.mapper_names import is_network, is_rival
+from hilbertvae.reports.mapper_names import competes
 from hilbertvae.scoring.result import Result
 
 READINGS = ("points", "voxels")
@@ -50,7 +50,7 @@ def rows_of(result: Result, reading: str, regions: tuple[str, ...] = REGIONS, me
     rows = []
     for name in result.scores:
         cells = [(column, result.values(name, reading, *column)) for column in columns]
-        bold = [_competes(name) and bool(values) and np.mean(values) == best.get(column) for column, values in cells]
+        bold = [competes(name) and bool(values) and np.mean(values) == best.get(column) for column, values in cells]
         rows.append([name, *(_bold(percent(values), chosen) for (_, values), chosen in zip(cells, bold, strict=True))])
     for name in result.failed:
         if name not in result.scores:
@@ -63,13 +63,8 @@ def rows_of(result: Result, reading: str, regions: tuple[str, ...] = REGIONS, me
 
 
 def _best(result: Result, reading: str, region: str, metric: str) -> float | None:
-    found = [result.values(name, reading, region, metric) for name in result.scores if _competes(name)]
+    found = [result.values(name, reading, region, metric) for name in result.scores if competes(name)]
     return max((np.mean(values) for values in found if values), default=None)
-
-
-def _competes(name: str) -> bool:
-    """Not `gap-centre`, which is told where gaps are."""
-    return is_network(name) or is_rival(name)
 
 
 def _bold(text: str, bold: bool) -> str:

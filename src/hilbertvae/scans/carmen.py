@@ -6,6 +6,7 @@ import codecs
 import gzip
 import os
 import warnings
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -105,7 +106,5 @@ def _lines(path: Path):
         raise InputError(f"{path}: truncated; the gzip stream ends before its end marker") from error
     except OSError as error:
         raise InputError(f"{path}: can't be read as a CARMEN log ({error})") from error
-    except Exception as error:
-        if type(error).__module__ == "zlib":
-            raise InputError(f"{path}: damaged gzip stream ({error})") from error
-        raise
+    except zlib.error as error:
+        raise InputError(f"{path}: damaged gzip stream ({error})") from error
