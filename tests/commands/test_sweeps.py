@@ -11,13 +11,14 @@ from itertools import product
 from pathlib import Path
 
 import pytest
+from composed_settings import settings_of
 from hydra import compose, initialize_config_dir
 from narrow_networks import narrowed, shared_grids
 from small_sweep import ABLATION, TRAIN, environment, multirun
 from warm_start import train
 
 from hilbertvae.clusters.starts import STARTS
-from hilbertvae.commands.configuration import CONF, SWEEPS, to_settings
+from hilbertvae.commands.configuration import CONF, SWEEPS
 from hilbertvae.commands.run import run
 from hilbertvae.commands.sweep_progress import earlier_jobs, list_jobs, what_failed
 from hilbertvae.commands.table import main as table
@@ -42,11 +43,6 @@ def test_the_help_names_the_command_and_every_sweep(tmp_path):
     (named,) = (line for line in lines if "+sweep=" in line)
     assert sorted(re.findall(r"\w+", named.split("+sweep=")[1].replace("also", ""))) == NAMES
     assert not list(tmp_path.iterdir())
-
-
-def settings_of(*overrides: str):
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return to_settings(compose("config", overrides=list(overrides)))
 
 
 def size_of(sweep: str, case: str) -> str:

@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
+from composed_settings import settings_of
 from hydra.errors import ConfigCompositionException
 from narrow_networks import narrowed, shared_grids
 
 from hilbertvae.checks import InputError
 from hilbertvae.clusters.starts import STARTS
 from hilbertvae.commands.build import build_mappers
-from hilbertvae.commands.configuration import CONF, to_settings
+from hilbertvae.commands.configuration import CONF
 from hilbertvae.commands.run import run
 from hilbertvae.commands.train import main
 from hilbertvae.files import file_sha256
@@ -38,11 +38,6 @@ def names(group: str) -> list[str]:
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 RUN_ELSEWHERE = {"streets", *re.findall(r"^\.venv/bin/hilbertvae-train .*experiment=(\w+)", README, re.MULTILINE)}
 """Experiments that another test runs: README's commands in `test_readme.py`, and the street that is looked at."""
-
-
-def settings_of(*overrides: str):
-    with initialize_config_dir(str(CONF), version_base="1.3"):
-        return to_settings(compose("config", overrides=list(overrides)))
 
 
 def fast(tmp_path: Path, *overrides: str):

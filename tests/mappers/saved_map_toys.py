@@ -14,7 +14,3 @@ def network(dimension=2):
     drawn = rng.uniform(0.1, 1, 6), rng.uniform(-0.3, 0.3, FEATURES + 2), rng.uniform(0.1, 1, 6)
     made.map_weights = {"voxels": RankWeights(*drawn, spread=-0.7).plain()}
     return made
-
-
-def fit(mapper, cloud):
-    return mapper.fit(cloud.points, cloud.occupied, cloud.weight)

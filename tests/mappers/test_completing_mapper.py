@@ -2,6 +2,7 @@ import shutil
 
 import numpy as np
 import pytest
+from hilbert_map_toys import fit
 from sklearn.base import clone
 
 from hilbertvae.checks import InputError
@@ -14,10 +15,6 @@ from hilbertvae.reconstruction import adaptation
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.site import Site
 from toy_rooms import box_room, tiny_grid, tiny_reconstructor
-
-
-def fit(mapper, cloud):
-    return mapper.fit(cloud.points, cloud.occupied, cloud.weight)
 
 
 def queries_of(place, count=300):

@@ -5,11 +5,12 @@ import os
 
 import numpy as np
 import pytest
+from hilbert_map_toys import fit
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
-from saved_map_toys import fit, network
+from saved_map_toys import network
 
 from hilbertvae.checks import InputError
 from hilbertvae.mappers.hilbert_map import HilbertMap

@@ -3,7 +3,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from saved_map_toys import fit, network
+from hilbert_map_toys import fit
+from saved_map_toys import network
 
 import hilbertvae
 from hilbertvae.checks import InputError

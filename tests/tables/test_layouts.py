@@ -11,8 +11,6 @@ from hilbertvae.tables.cases import natural
 from hilbertvae.tables.layouts import LAYOUTS, read_page
 from toy_sweeps import declare, put, put_failed, rows_of_csv, scores_of
 
-ZEROS = [0.0, 0.0]
-
 
 def table(page, name="table.csv"):
     return rows_of_csv(page.csv_files()[name])
