@@ -85,7 +85,7 @@ class FrameSettings:
     """`full`: eigenvectors of its returns; `yaw`: about the vertical only; `none`: axis-parallel; `spread`: about the vertical by one of
     four angles, neighbours by different ones, so that what falls between cells in one box falls into them in the next."""
     scale: str = "fixed"
-    """`fixed`: the box is the cluster's diameter; `extent`: the largest extent of its returns becomes 1."""
+    """`fixed`: the box is the cluster's diameter; `extent`: the return that is farthest along any axis of it lies on its side."""
 
     def __post_init__(self):
         for name, allowed in (("centre", CENTRES), ("rotation", ROTATIONS), ("scale", SCALES)):
