@@ -1,12 +1,15 @@
 import os
+from decimal import Decimal
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from hilbertvae.checks import InputError
 from hilbertvae.mappers.voxel_bricks import BITS, KEY_BITS
 from hilbertvae.scans.scan import Scans
-from hilbertvae.voxel_votes import MOST_ALONG, voxel_votes
+from hilbertvae.voxel_votes import MOST_ALONG, voxel_index, voxel_votes
 
 
 def test_an_outlier_is_named_before_its_beam_is_sampled():
@@ -41,3 +44,21 @@ def test_more_voxels_than_memory_holds_are_refused(monkeypatch):
     monkeypatch.setattr("hilbertvae.voxel_votes.BYTES_A_VOXEL", os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1000)
     with pytest.raises(InputError, match="resolution_m: beams pass more than .* voxels of 0.5 m, which take more than"):
         voxel_votes(scans, 0.5)
+
+
+@pytest.mark.parametrize("resolution", ["0.05", "0.07", "0.1", "0.15", "0.2", "0.25", "0.3"])
+@pytest.mark.parametrize("first", ["0", "-12.35", "4567.8", "5428345.2"])
+def test_a_lattice_in_decimals_has_one_point_a_voxel(resolution, first):
+    """Whichever way its coordinates are made: in decimals, by steps, or by whole numbers of them."""
+    cell, steps = Decimal(resolution), range(-2000, 2000)
+    lowest = int(Decimal(first) / cell)
+    exact = np.array([[float(cell * (lowest + step))] for step in steps])
+    stepped = float(cell * lowest) + np.arange(-2000, 2000)[:, None] * float(cell)
+    for points in (exact, stepped, np.arange(lowest - 2000, lowest + 2000)[:, None] * float(cell)):
+        np.testing.assert_array_equal(voxel_index(points, float(cell))[:, 0], lowest + np.array(steps))
+
+
+@given(st.floats(-1e4, 1e4), st.sampled_from([0.05, 0.1, 0.2, 0.3]))
+def test_a_voxel_holds_its_point_but_for_rounding(place, resolution_m):
+    index = voxel_index(np.array([[place]]), resolution_m)[0, 0]
+    assert index - 1e-7 <= place / resolution_m <= index + 1

@@ -23,6 +23,9 @@ MOST_ALONG = {2: 2**34, 3: 2**22}
 """Voxels along an axis: as many as a map's bricks tell apart (`mappers/voxel_bricks.py`)."""
 MOST_SAMPLES = 1e6
 """Of one beam, whose samples lie in memory at once: 100 km in cells of 0.1 m."""
+SIDE = 2.0**-24
+"""Of a voxel's side: what lies no farther below the next voxel is on its side but for rounding, as of a lattice's coordinates in decimals,
+also where these are those of a map grid (5e6 m)."""
 MARGIN = 2.0**-18
 """Of a voxel's side: so near to it no place comes, lest it is carried across, by rounding or by the slack of a grid's cells
 (`grids/aligned_grid.py`): returns in whole centimetres lie on sides of voxels."""
@@ -32,10 +35,16 @@ BYTES_A_VOXEL = 1000
 """What a voxel seen takes at the least, at the worst moment on its way into a map."""
 
 
+def voxel_floor(places: np.ndarray) -> np.ndarray:
+    """The voxels, whole numbers in float64, of coordinates `places` in voxels from the map's origin; one on a side is in the voxel above,
+    though 0.3 / 0.1 is 2.9999999999999996."""
+    return np.floor(places + SIDE)
+
+
 def voxel_index(points: np.ndarray, resolution_m: float) -> np.ndarray:
     """(N, D) int64: the voxel of each point, on the lattice through the map's origin; of one beyond all lattices, the least number."""
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.floor(points / resolution_m).astype(np.int64)
+        return voxel_floor(points / resolution_m).astype(np.int64)
 
 
 def inside_voxels(points: np.ndarray, resolution_m: float, index: np.ndarray) -> np.ndarray:
@@ -98,7 +107,7 @@ def voxel_votes(scans: Scans, resolution_m: float) -> VoxelVotes:
     def gathered(samples: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         key = np.zeros(len(samples[0]), np.int64)
         for axis, corner, cells in zip(samples, first, shape, strict=True):
-            key = key * cells + (np.floor(axis / resolution_m).astype(np.int64) - corner)
+            key = key * cells + (voxel_floor(axis / resolution_m).astype(np.int64) - corner)
         return _summed(key, [axis - corner for axis, corner in zip(samples, low, strict=True)])
 
     hit_keys, hit_sums = gathered(list(scans.points.T.copy()))
@@ -133,7 +142,7 @@ def _check_memory(voxels: int, resolution_m: float) -> None:
     if needed > there:
         raise InputError(
             f"resolution_m: beams pass more than {voxels} voxels of {resolution_m} m, which take more than the {there / 2**30:.0f} GiB of "
-            "memory that there are; expected larger ones"
+            "memory that there are; expected larger ones, or coordinates in metres"
         )
 
 

@@ -266,3 +266,16 @@ def test_large_coordinates_cost_no_digits():
     alike = np.abs(ours[:, :4] - theirs[:, :4]).max(axis=1) == 0  # no neighbour changed its voxel by rounding
     assert alike.mean() > 0.9
     np.testing.assert_allclose(ours[alike], theirs[alike], rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_grid_in_decimals_has_a_voxel_for_each_point(dimension):
+    """As a map's cells are, made points by their corners; each is asked where it lies."""
+    cells = np.stack(np.meshgrid(*[np.arange(-20, 30)] * dimension), axis=-1).reshape(-1, dimension)
+    points, occupied = np.round(cells * 0.1 + 0.7, 1), np.random.default_rng(0).random(len(cells)) < 0.3
+    evidence = Evidence(points, occupied, np.ones(len(cells)), 0.1)
+    assert len(evidence) == len(cells)
+    voxel = evidence.find(points)
+    np.testing.assert_array_equal(evidence.hits[voxel] > 0, occupied)
+    nearest = evidence.features(points, voxel)[:, 4]
+    assert (nearest[occupied] < 1e-4).all() and (nearest[~occupied] > 0.9).all()

@@ -225,3 +225,13 @@ def test_copies_are_their_own_and_plain():
         np.testing.assert_array_equal(mapper.predict_proba(points), expected)
         assert twin.get_params() == mapper.get_params() and twin.tree().getProbHit() == pytest.approx(0.8)
     assert not hasattr(clone(mapper), "leaves_") and clone(mapper).prob_hit == 0.8
+
+
+@pytest.mark.parametrize("resolution_m", [0.05, 0.1, 0.2])
+def test_a_place_in_decimals_on_the_side_of_two_voxels_is_in_the_upper_one(resolution_m):
+    mapper = OctoMapMapper(resolution_m=resolution_m).fit(*room(dimension=3, count=4000))
+    voxel = np.random.default_rng(1).integers(-13, 47, (2000, 3)) * max(1, round(0.1 / resolution_m))
+    sides = np.array([[float(f"{x:.2f}") for x in row] for row in voxel * resolution_m])
+    answers = mapper.predict_proba(sides)
+    np.testing.assert_array_equal(answers, mapper.predict_proba((voxel + 0.5) * resolution_m))
+    assert len(np.unique(answers)) > 5

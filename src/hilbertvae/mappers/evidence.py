@@ -13,7 +13,7 @@ from hilbertvae.mappers.nearness import SEEN_NEAR_M, Nearness
 from hilbertvae.mappers.vote_share import SHARES, share_features
 from hilbertvae.mappers.voxel_bricks import NONE, VoxelBricks
 from hilbertvae.sums import sums_by
-from hilbertvae.voxel_votes import MARGIN, voxel_index
+from hilbertvae.voxel_votes import MARGIN, voxel_floor, voxel_index
 
 FAR_VOXELS = 2.0
 """Distances are cut off here: the block of neighbours that is searched reaches no farther."""
@@ -191,7 +191,7 @@ class Evidence:
         voxel, to the nearest mean free point, and the square of the nearest of each; last the voxel's `share_features`.
         """
         local = queries / self.resolution_m
-        local = (local - np.floor(local)).astype(np.float32)
+        local = (local - voxel_floor(local)).astype(np.float32)
         block = self.bricks.numbers.take(self.places[voxel][:, None] + self.bricks.steps).astype(np.intp)
         hit, free = np.zeros(block.shape, np.float32), np.zeros(block.shape, np.float32)
         # One axis at a time: numpy is slow where the last axis is short.

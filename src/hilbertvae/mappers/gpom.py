@@ -10,6 +10,7 @@ from hilbertvae.checks import InputError, check_count, check_not_negative, check
 from hilbertvae.cores import workers
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.sums import sums_by
+from hilbertvae.voxel_votes import voxel_floor
 
 BLOCK = 64
 """Queries solved together: few enough that their matrices stay in the processor's cache. Changes no number."""
@@ -148,7 +149,7 @@ class GpomMapper(Mapper):
 
 def _thinned(points: np.ndarray, weight: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
     """At most one point per cell of the lattice of `spacing_m`: the weighted mean (C, D), and the sum of weights (C,)."""
-    cell, position = np.unique(np.floor(points / spacing_m), axis=0, return_inverse=True)
+    cell, position = np.unique(voxel_floor(points / spacing_m), axis=0, return_inverse=True)
     total = np.bincount(position, weight)
     # Taken from the cell's corner, so that large coordinates cost no digits.
     away = points - cell[position] * spacing_m

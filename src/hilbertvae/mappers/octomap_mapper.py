@@ -18,6 +18,7 @@ from hilbertvae.files import atomic
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.mappers.octree import NONE, SIDE, leaves_of_labels, leaves_of_values, morton, stream_of
 from hilbertvae.observed_map import warn_of_filled
+from hilbertvae.voxel_votes import voxel_floor
 
 ORIGIN = SIDE // 2
 """The key of the voxel whose lower corner is the map's origin."""
@@ -119,7 +120,7 @@ class OctoMapMapper(Mapper):
         """(N, 3) float64: the key of each point's voxel, whole numbers, outside of 0 to 65 535 where the tree ends."""
         keys = np.full((len(points), 3), float(ORIGIN))
         for axis, (place, shift) in enumerate(zip(points.T, self.shift_, strict=True)):
-            keys[:, axis] += np.floor(place / self.resolution_) - shift
+            keys[:, axis] += voxel_floor(place / self.resolution_) - shift
         return keys
 
     def _with_settings(self, tree: octomap.OcTree) -> octomap.OcTree:
@@ -135,7 +136,7 @@ def voxel_shift(points: np.ndarray, resolution_m: float) -> np.ndarray:
     """(D,) whole numbers in float64: the voxel that gets key 32 768 on each axis, 0 wherever `points (N, D)` allow it."""
     low_m, high_m = points.min(axis=0), points.max(axis=0)
     with np.errstate(over="ignore", invalid="ignore"):
-        low, high = np.floor(low_m / resolution_m), np.floor(high_m / resolution_m)
+        low, high = voxel_floor(low_m / resolution_m), voxel_floor(high_m / resolution_m)
         fits = (high - low < SIDE).all()
     if not fits:
         span = f"{low_m.tolist()} to {high_m.tolist()} m"
