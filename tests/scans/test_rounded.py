@@ -2,11 +2,13 @@ import warnings
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from hilbertvae.cloud import cloud_from_scans
+from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 from hilbertvae.scans.rounded import LEFT_OVER_M, digits_kept, warn_if_rounded
 from toy_rooms import carmen_line, write_log
@@ -102,3 +104,33 @@ def test_whole_numbers_of_millimetres_are_of_no_few_bits():
     with pytest.warns(UserWarning) as said:
         cloud_from_scans(points, np.tile(origin, (10, 1)))
     assert ["millimetres" in str(warning.message) for warning in said] == [True]
+
+
+@pytest.mark.parametrize("step_m", [0.5, 0.25, 0.125])
+def test_round_coordinates_are_of_no_few_bits(step_m, recwarn):
+    """A lattice of them, as one asks a map: half precision has them all, and would have finer ones near the origin."""
+    lattice = np.stack(np.meshgrid(*[np.arange(-60, 60, step_m)] * 2), axis=-1).reshape(-1, 2)
+    warn_if_rounded(lattice, "asked.csv", came_as=np.float64)
+    assert not recwarn.list
+    with pytest.warns(UserWarning, match="are in half precision, which keeps them to 0.031 m"):
+        warn_if_rounded((lattice + 0.03).astype(np.float16).astype(float), "asked.csv", came_as=np.float64)
+
+
+@pytest.mark.parametrize("kind", [np.float32, torch.float32, np.float64, list])
+def test_mappers_tell_of_far_points_in_single_precision(kind):
+    rng = np.random.default_rng(0)
+    points, occupied = rng.uniform(0, 8, (400, 2)) + [4e5, 5e6], rng.random(400) < 0.4
+
+    def given(values):
+        if kind is list:
+            return values.tolist()
+        return torch.tensor(values, dtype=kind) if isinstance(kind, torch.dtype) else values.astype(kind)
+
+    single = "32" in str(kind)
+    mapper = NearestMapper().fit(points, occupied)
+    for ask, what in ((lambda: NearestMapper().fit(given(points), occupied), "points"), (lambda: mapper.predict(given(points)), "queries")):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            ask()
+        told = [str(warning.message) for warning in said]
+        assert len(told) == single and all(f"{what}: its coordinates, up to 500000" in text for text in told), told

@@ -114,7 +114,8 @@ class CompletingMapper(Mapper):
     def _warn_without_grids(self) -> None:
         """Of a site that has no place with enough returns."""
         few = f"at most {self.grid_.minimum_points} voxels with returns within {self.grid_.cluster_diameter_m / 2:g} m"
-        warnings.warn(f"{self.source}: found {few}, too few for a network, so that nothing is filled in", stacklevel=4)
+        left = "nothing is filled in, and `predict_map` leaves what was not seen at 0.5"
+        warnings.warn(f"{self.source}: found {few}, too few for a network, so that {left}", stacklevel=4)
 
     def _as_kept(self, cloud: Cloud) -> Cloud:
         """The cloud, or as the map keeps it, one point a voxel and label, where that is less: boxes that a later scan touches are made anew

@@ -19,6 +19,7 @@ from sklearn.utils.validation import _check_sample_weight, check_is_fitted, vali
 
 from hilbertvae.checks import InputError, check_whole, labels_alike, refuse_more_than_numbers
 from hilbertvae.cores import FEW, on_all_cores
+from hilbertvae.scans.rounded import warn_if_single
 
 OCCUPIED_ABOVE = 0.6
 """Occupied if p > 0.6 (paper, section IV)."""
@@ -208,12 +209,13 @@ class Mapper(ClassifierMixin, BaseEstimator):
         for name, values in (("points", points), ("y", y), ("sample_weight", sample_weight)):
             refuse_more_than_numbers(values, name)
         try:
-            points, y = validate_data(self, points, labels_alike(y), dtype=np.float64, reset=first)
+            placed, y = validate_data(self, points, labels_alike(y), dtype=np.float64, reset=first)
             check_classification_targets(y)
-            weight = _check_sample_weight(sample_weight, points, dtype=np.float64, ensure_non_negative=True)
+            weight = _check_sample_weight(sample_weight, placed, dtype=np.float64, ensure_non_negative=True)
         except REFUSED as error:
             raise InputError(f"points, y, sample_weight: {_plain(error)}") from error
-        counts = weight > 0
+        warn_if_single(points, placed, "points")
+        points, counts = placed, weight > 0
         if not counts.any():
             raise InputError("sample_weight: expected positive weights, got zeros only")
         if not counts.all():
@@ -227,10 +229,11 @@ class Mapper(ClassifierMixin, BaseEstimator):
     def _checked(self, queries):
         refuse_more_than_numbers(queries, "queries")
         try:
-            queries = validate_data(self, queries, reset=False, dtype=np.float64, ensure_min_samples=0)
+            asked = validate_data(self, queries, reset=False, dtype=np.float64, ensure_min_samples=0)
         except REFUSED as error:
             raise InputError(f"queries: {_plain(error)}") from error
-        return np.clip(queries, -FARTHEST_M, FARTHEST_M)
+        warn_if_single(queries, asked, "queries")
+        return np.clip(asked, -FARTHEST_M, FARTHEST_M)
 
     def _fit(self, points: np.ndarray, occupied: np.ndarray, weight: np.ndarray) -> None:
         """Fit on checked arrays: (N, D) float64, (N,) bool, (N,) float64. Sets attributes that end in `_`."""

@@ -48,11 +48,24 @@ class RoundedCheck:
 
 
 def _is_kept_in(points: np.ndarray, kind: type, step_m: float) -> bool:
-    """Whether all finite coordinates are numbers of this precision. Whole metres are of any that has them, and say nothing."""
+    """Whether all finite coordinates are numbers of this precision, and not round ones. Whole metres are of any that has them, and say
+    nothing; neither do whole steps of the farthest coordinate, if those that are nearer, and were kept to finer ones, are such, too."""
     finite = points[np.isfinite(points)]
     with np.errstate(over="ignore"):
         alike = all((part == part.astype(kind)).all() for part in (finite[:LOOKED_AT], finite))
-    return bool(alike and (step_m >= 1 or (finite != np.round(finite)).any()))
+    if not alike or (step_m < 1 and (finite == np.round(finite)).all()):
+        return False
+    nearer = finite[np.abs(finite) < np.abs(finite).max() / 2]
+    return len(nearer) < FEW_PLACES or bool((nearer % step_m != 0).any())
+
+
+def warn_if_single(came: object, points: np.ndarray, what: str) -> None:
+    """A `UserWarning` where what `came`, as an array or a tensor, in single or half precision, and is `points` (N, D) now, is so far off
+    that walls are moved by it."""
+    if str(getattr(came, "dtype", "")).endswith(("float32", "float16")):
+        check = RoundedCheck()
+        check.see(points)
+        check.warn(what)
 
 
 def warn_if_rounded(points: np.ndarray, path: str | os.PathLike, what: str = "coordinates", came_as: np.dtype | None = None) -> None:
