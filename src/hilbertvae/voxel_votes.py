@@ -25,7 +25,7 @@ MOST_SAMPLES = 1e6
 """Of one beam, whose samples lie in memory at once: 100 km in cells of 0.1 m."""
 SIDE = 2.0**-24
 """Of a voxel's side: what lies no farther below the next voxel is on its side but for rounding, as of a lattice's coordinates in decimals,
-also where these are those of a map grid (5e6 m)."""
+also where these are those of a map grid (5e6 m) and cells of 5 mm and more."""
 MARGIN = 2.0**-18
 """Of a voxel's side: so near to it no place comes, lest it is carried across, by rounding or by the slack of a grid's cells
 (`grids/aligned_grid.py`): returns in whole centimetres lie on sides of voxels."""

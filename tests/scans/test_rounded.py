@@ -128,9 +128,26 @@ def test_mappers_tell_of_far_points_in_single_precision(kind):
 
     single = "32" in str(kind)
     mapper = NearestMapper().fit(points, occupied)
-    for ask, what in ((lambda: NearestMapper().fit(given(points), occupied), "points"), (lambda: mapper.predict(given(points)), "queries")):
+    for ask, labels, what in ((NearestMapper().fit, [occupied], "points"), (mapper.predict_proba, [], "queries")):
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
-            ask()
+            ask(given(points), *labels)
         told = [str(warning.message) for warning in said]
         assert len(told) == single and all(f"{what}: its coordinates, up to 500000" in text for text in told), told
+        assert all(warning.filename == __file__ for warning in said)
+
+
+def test_whole_metres_in_single_precision_lose_nothing(recwarn):
+    points = np.random.default_rng(0).integers(0, 8, (400, 2)) + [412340, 5428340]
+    mapper = NearestMapper().fit(points.astype(np.float32), np.arange(400) % 3 == 0)
+    mapper.predict_proba(points.astype(np.float32))
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("height_m", [0.0, 1.5])
+def test_a_plane_in_single_precision_is_told(height_m):
+    """Its one height is a whole step of the farthest coordinate, and says nothing."""
+    points = np.random.default_rng(0).uniform(0, 40, (500, 2)) + [384000, 398000]
+    flat = np.column_stack([points, np.full(500, height_m)]).astype(np.float32)
+    with pytest.warns(UserWarning, match="single precision, which keeps them to 0.031 m"):
+        warn_if_rounded(flat.astype(float), "a.npz")

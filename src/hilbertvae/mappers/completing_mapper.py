@@ -114,7 +114,7 @@ class CompletingMapper(Mapper):
     def _warn_without_grids(self) -> None:
         """Of a site that has no place with enough returns."""
         few = f"at most {self.grid_.minimum_points} voxels with returns within {self.grid_.cluster_diameter_m / 2:g} m"
-        left = "nothing is filled in, and `predict_map` leaves what was not seen at 0.5"
+        left = "nothing is filled in: the map leaves what was not seen at 0.5"
         warnings.warn(f"{self.source}: found {few}, too few for a network, so that {left}", stacklevel=4)
 
     def _as_kept(self, cloud: Cloud) -> Cloud:

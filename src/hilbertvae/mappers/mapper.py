@@ -100,7 +100,8 @@ class Mapper(ClassifierMixin, BaseEstimator):
         """Fit on `points (N, D)` in metres with labels `y (N,)`, the greater of which means occupied (False/True, 0/1, -1/+1).
 
         sample_weight: (N,) how many samples each point stands for; one each unless given. Points of weight 0 are left out.
-        Raises `InputError` (a ValueError) for an empty cloud, NaN, a wrong shape, or one class only.
+        Raises `InputError` (a ValueError) for an empty cloud, NaN, a wrong shape, or one class only; a `UserWarning` says where single
+        precision has moved far points, as it does of queries.
         """
         with self._restored_on_failure():
             points, y, weight = self._checked_cloud(points, y, sample_weight)

@@ -24,8 +24,8 @@ class RoundedCheck:
     """Sees coordinates, scan by scan, and warns of those that were kept in so few bits or digits, so far off (UTM), that walls are moved
     by it."""
 
-    def __init__(self, what: str = "coordinates"):
-        self._what, self._worst = what, (0.0, 0.0, "")
+    def __init__(self, what: str = "coordinates", digits: bool = True):
+        self._what, self._digits, self._worst = what, digits, (0.0, 0.0, "")
 
     def see(self, points: np.ndarray) -> None:
         """Coordinates (N, D), metres, of a scan in the frame that they were kept in; those without a return may be inf or NaN."""
@@ -36,15 +36,15 @@ class RoundedCheck:
             if step_m > self._worst[0] and step_m > ROUNDED_M and _is_kept_in(points, kind, step_m):
                 said = f"are in {name} precision, which keeps them to {step_m:.2g} m; take an offset away before they are made so"
                 self._worst = step_m, far_m, f"{said}, or keep float64"
-        step_m, said = _few_digits(points)
+        step_m, said = _few_digits(points) if self._digits else (0.0, "")
         if step_m > self._worst[0]:
             self._worst = step_m, far_m, said
 
-    def warn(self, path: str | os.PathLike) -> None:
+    def warn(self, path: str | os.PathLike, stacklevel: int = 4) -> None:
         """One `UserWarning` about the coarsest of what was seen."""
         step_m, far_m, said = self._worst
         if step_m:
-            warnings.warn(f"{path}: its {self._what}, up to {far_m:.7g} m, {said}", stacklevel=4)
+            warnings.warn(f"{path}: its {self._what}, up to {far_m:.7g} m, {said}", stacklevel=stacklevel)
 
 
 def _is_kept_in(points: np.ndarray, kind: type, step_m: float) -> bool:
@@ -56,16 +56,16 @@ def _is_kept_in(points: np.ndarray, kind: type, step_m: float) -> bool:
     if not alike or (step_m < 1 and (finite == np.round(finite)).all()):
         return False
     nearer = finite[np.abs(finite) < np.abs(finite).max() / 2]
-    return len(nearer) < FEW_PLACES or bool((nearer % step_m != 0).any())
+    return len(np.unique(nearer)) < FEW_PLACES or bool((nearer % step_m != 0).any())
 
 
 def warn_if_single(came: object, points: np.ndarray, what: str) -> None:
     """A `UserWarning` where what `came`, as an array or a tensor, in single or half precision, and is `points` (N, D) now, is so far off
     that walls are moved by it."""
     if str(getattr(came, "dtype", "")).endswith(("float32", "float16")):
-        check = RoundedCheck()
+        check = RoundedCheck(digits=False)
         check.see(points)
-        check.warn(what)
+        check.warn(what, stacklevel=5)
 
 
 def warn_if_rounded(points: np.ndarray, path: str | os.PathLike, what: str = "coordinates", came_as: np.dtype | None = None) -> None:
