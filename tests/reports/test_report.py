@@ -162,7 +162,7 @@ def test_pictures_of_an_earlier_scoring_do_not_pass_for_those_of_a_later_one(tmp
 
 def test_gaps_in_which_no_voxel_lies_have_no_reliability_to_be_shown(tmp_path):
     site, mappers = room(), {"nearest": NearestMapper()}
-    result = evaluate_all(mappers, site, Protocol([0], cluster_size_m=2.0, gap_ratio=0.06, occlusion=False))
+    result = evaluate_all(mappers, site, Protocol([3], cluster_size_m=2.0, gap_ratio=0.07, occlusion=False))
     assert result.scores["nearest"]["voxels"]["gaps"]["count"] == [0]
     Report(tmp_path, {"name": "run"})(result, site, mappers)
     pictures = {path.stem for path in (tmp_path / "pictures").glob("*.png")}

@@ -51,9 +51,9 @@ def sheet(grid: np.ndarray, layer: int | None = None) -> np.ndarray:
     return grid.T
 
 
-def fullest_layer(target: np.ndarray) -> int | None:
-    """The horizontal layer of 3D `target` codes (n, n, n) with the most occupied cells; None in 2D."""
-    return int((target == OCCUPIED).sum(axis=(0, 1)).argmax()) if target.ndim == 3 else None
+def fullest_layer(chosen: np.ndarray) -> int | None:
+    """The horizontal layer of a 3D grid, (n, n, n) bool, with the most `chosen` cells; None in 2D."""
+    return int(chosen.sum(axis=(0, 1)).argmax()) if chosen.ndim == 3 else None
 
 
 def in_grid(gaps: Gaps, frames: Frames, cluster: int, cells: int) -> Gaps:
@@ -75,11 +75,14 @@ def pipeline_picture(
     """Fig. 3: the cloud with one cluster selected, the cluster, its aligned grid, its reconstruction, and the truth.
 
     cloud: what the mapper is given; frames: its clusters'; shown, target: int8 codes (M, n, ..., n) of it in these, and of what `gaps`
-    were cut from. The cluster is the one from which the most occupied cells were cut. In 3D all panels show one layer of that grid.
+    were cut from. The cluster is the one from which the most occupied cells were cut. In 3D all panels show one layer of that grid,
+    the one that lost the most.
     """
     settings = reconstructor.grid
     cluster = int(_hidden(shown, target).argmax())
-    layer = fullest_layer(target[cluster])
+    occupied = target[cluster] == OCCUPIED
+    lost = occupied & (shown[cluster] == UNKNOWN)
+    layer = fullest_layer(lost if lost.any() else occupied)
     values = reconstructor.reconstruct(bin_shown(cloud, frames.select(slice(cluster, cluster + 1)), settings, reconstructor.detailed))[0]
     probability = kernel_probability(values, reconstructor.likelihood.kind)
 
@@ -166,7 +169,7 @@ def reconstruction_rows(
     for axes, title in zip(panels[0], titles, strict=True):
         axes.set_title(title, fontsize=10, pad=3)
     for line, given, answer, truth, balls in zip(panels, shown, probability, target, gaps, strict=True):
-        layer = fullest_layer(truth)
+        layer = fullest_layer(truth == OCCUPIED)
         given, answer, truth = sheet(given, layer), sheet(answer, layer), sheet(truth, layer)
         show_codes(line[0], given)
         image = show_probability(line[1], answer)
@@ -201,7 +204,7 @@ def completion_rows(
     if guess.known is not None:
         answers = 0.5 + (answers - 0.5) * np.minimum(guess.known / 255 / SHOWN_FROM[shown.ndim - 1], 1.0)
     for row, line in enumerate(panels):
-        layer = fullest_layer(target[row])
+        layer = fullest_layer(target[row] == OCCUPIED)
         given, truth = sheet(shown[row], layer), sheet(target[row], layer)
         show_codes(line[0], given)
         show_codes(line[-1], truth)
