@@ -7,7 +7,7 @@ from typing import Any
 
 
 def leaves(node: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """(key, value) of everything in nested dictionaries that is none, in their order; of what is no dictionary, itself."""
+    """(key, value) of each value in nested dictionaries that is no dictionary itself, in their order; `node` alone if it is none."""
     if not isinstance(node, dict):
         yield key, node
         return

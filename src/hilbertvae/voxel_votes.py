@@ -23,7 +23,7 @@ MOST_ALONG = {2: 2**34, 3: 2**22}
 """Voxels along an axis: as many as a map's bricks tell apart (`mappers/voxel_bricks.py`)."""
 MOST_SAMPLES = 1e6
 """Of one beam, whose samples lie in memory at once: 100 km in cells of 0.1 m."""
-SIDE = 2.0**-24
+SLACK = 2.0**-24
 """Of a voxel's side: what lies no farther below the next voxel is on its side but for rounding, as of a lattice's coordinates in decimals,
 also where these are those of a map grid (5e6 m) and cells of 5 mm and more."""
 MARGIN = 2.0**-18
@@ -38,11 +38,12 @@ BYTES_A_VOXEL = 1000
 def voxel_floor(places: np.ndarray) -> np.ndarray:
     """The voxels, whole numbers in float64, of coordinates `places` in voxels from the map's origin; one on a side is in the voxel above,
     though 0.3 / 0.1 is 2.9999999999999996."""
-    return np.floor(places + SIDE)
+    return np.floor(places + SLACK)
 
 
-def voxel_index(points: np.ndarray, resolution_m: float) -> np.ndarray:
-    """(N, D) int64: the voxel of each point, on the lattice through the map's origin; of one beyond all lattices, the least number."""
+def voxel_index(points: np.ndarray | float, resolution_m: float) -> np.ndarray:
+    """(N, D) int64: the voxel of each point, on the lattice through the map's origin; of one beyond all lattices, the least number. Of one
+    coordinate alone, that along its axis."""
     with np.errstate(over="ignore", invalid="ignore"):
         return voxel_floor(points / resolution_m).astype(np.int64)
 

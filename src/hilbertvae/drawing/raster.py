@@ -9,7 +9,7 @@ import numpy as np
 from hilbertvae.cloud import OCCUPIED_SHARE, Cloud
 from hilbertvae.grids.aligned_grid import FREE, OCCUPIED, UNKNOWN, vote
 from hilbertvae.mappers.mapper import Mapper
-from hilbertvae.voxel_votes import voxel_floor, voxel_index
+from hilbertvae.voxel_votes import voxel_index
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Raster:
         centres = (np.stack([column, row], axis=1) + self.first + 0.5) * self.cell_m
         if self.height_m is None:
             return centres
-        return np.column_stack([centres, np.full(len(centres), (voxel_floor(self.height_m / self.cell_m) + 0.5) * self.cell_m)])
+        return np.column_stack([centres, np.full(len(centres), (voxel_index(self.height_m, self.cell_m) + 0.5) * self.cell_m)])
 
     def image(self, values: np.ndarray) -> np.ndarray:
         """(rows, columns) of one value per cell, in the order of `queries`."""
@@ -60,7 +60,7 @@ class Raster:
         column, row = index[:, 0] - self.first[0], index[:, 1] - self.first[1]
         inside = (column >= 0) & (column < self.columns) & (row >= 0) & (row < self.rows)
         if self.height_m is not None:
-            inside &= index[:, 2] == int(voxel_floor(self.height_m / self.cell_m))
+            inside &= index[:, 2] == voxel_index(self.height_m, self.cell_m)
         cell = (row * self.columns + column)[inside]
         weight, occupied = cloud.weight[inside], cloud.occupied[inside]
         hits = np.bincount(cell, weights=weight * occupied, minlength=self.rows * self.columns)

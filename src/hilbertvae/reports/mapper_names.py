@@ -24,7 +24,7 @@ def is_rival(name: str) -> bool:
 
 
 def competes(name: str) -> bool:
-    """Not `gap-centre`, which is told where gaps are."""
+    """Whether a mapper of this name is ranked among others: `gap-centre` is not, which is told where gaps are."""
     return name != "gap-centre"
 
 
