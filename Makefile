@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
-.PHONY: install run run-3d test fuzz clean
+.PHONY: help install run run-3d test fuzz clean
 .DEFAULT_GOAL := run
 
 # Containers often tell Python to keep no compiled files; then each process would compile torch and all the rest anew, for most of its start.
@@ -18,6 +18,9 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt torch
 	$(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt --editable '.[sim,points,bags,poses,dev]'
 	touch $@
+
+help:  ## What can be made
+	@grep -E '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
 
 install: $(READY)  ## The package in .venv, with all extras but rerun, slurm, ray and bench
 
@@ -37,5 +40,5 @@ ROUNDS ?= 5
 fuzz: $(READY)  ## Tests of laws and of damaged files, on examples drawn anew in each of ROUNDS
 	for round in $$(seq $(ROUNDS)); do OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist worksteal -m hypothesis --hypothesis-profile fuzz || exit 1; done
 
-clean:
+clean:  ## Remove what run and run-3d have left
 	rm -rf outputs/run outputs/streets outputs/cache

@@ -1,6 +1,8 @@
 """What `import hilbertvae` offers."""
 
 import ast
+import contextlib
+import importlib
 import os
 import re
 import subprocess
@@ -10,7 +12,10 @@ from pathlib import Path
 import pytest
 
 import hilbertvae
+import hilbertvae.commands.train
 from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.nearest import NearestMapper
+from hilbertvae.scoring import protocol
 from toy_rooms import tiny_reconstructor
 
 
@@ -98,3 +103,37 @@ def test_a_shell_completes_keys_and_choices(word, completed):
     asked = {**os.environ, "COMP_LINE": line, "COMP_POINT": str(len(line))}
     words = [sys.executable, "-m", "hilbertvae.train", "-sc", "query=bash"]
     assert completed in subprocess.run(words, capture_output=True, text=True, check=True, env=asked).stdout.split()
+
+
+@pytest.mark.parametrize("command", ["map", "query", "table", "train"])
+def test_each_command_says_which_version_it_is(command, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", [f"hilbertvae-{command}", "--version"])
+    with contextlib.suppress(SystemExit):
+        importlib.import_module(f"hilbertvae.commands.{command}").main()
+    assert capsys.readouterr().out == f"hilbertvae {hilbertvae.__version__}\n"
+
+
+def test_settings_of_a_sweep_are_shown_of_one_job(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["hilbertvae-train", "-m", "+sweep=table1", "--cfg", "job"])
+    with pytest.raises(SystemExit) as ended:
+        hilbertvae.commands.train.main()
+    assert ended.value.code == 2 and "leave out -m" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("resolution_m", [-1.0, float("nan"), "fine"])
+def test_a_site_of_voxels_without_a_size_is_refused(resolution_m):
+    with pytest.raises(hilbertvae.InputError, match="resolution_m"):
+        hilbertvae.open_site("simulated:7", resolution_m)
+
+
+def test_a_mapper_is_scored_by_the_protocol_of_the_method_unless_told_otherwise(room, monkeypatch):
+    told = []
+    monkeypatch.setattr(protocol, "evaluate_alike", lambda mappers, site, protocol, progress: told.append(protocol))
+    hilbertvae.evaluate(NearestMapper(), room)
+    assert told == [hilbertvae.Protocol(gap_seeds=[0, 1, 2, 3, 4], gap_ratio=0.5, cluster_size_m=5.0)] and told[0].occlusion
+
+
+def test_make_lists_what_can_be_made():
+    made = Path(__file__).parents[1] / "Makefile"
+    said = subprocess.run(["make", "-f", str(made), "help"], capture_output=True, text=True, check=True).stdout
+    assert [line.split()[0] for line in said.splitlines()] == ["help", "install", "run", "run-3d", "test", "fuzz", "clean"]

@@ -14,7 +14,7 @@ PAGE = (RESULTS / "README.md").read_text(encoding="utf-8")
 
 def test_results_say_which_simulated_sites_they_trained_on():
     """Those of now, or those from before they were redrawn: every folder of a training on some is named."""
-    named = re.search(r"Simulated sites were redrawn .*?\n\n", PAGE, re.DOTALL)[0]
+    named = re.search(r"^\| simulated sites were redrawn .*$", PAGE, re.MULTILINE)[0]
     for file in RESULTS.glob("**/result.json"):
         config, folder = read_result(file)[1]["config"], file.relative_to(RESULTS).parts[0]
         if config.get("data", {}).get("simulated") and not config.get("checkpoint"):

@@ -8,16 +8,22 @@ if TYPE_CHECKING:  # what is imported late (below), for editors and type checker
     from hilbertvae.checks import InputError
     from hilbertvae.cloud import cloud_from_scans
     from hilbertvae.exports.written_map import write_map
+    from hilbertvae.mappers.hilbert_map import HilbertMap
     from hilbertvae.mappers.loading import load_mapper
     from hilbertvae.mappers.saved_map import load_map, save_map
     from hilbertvae.scoring.protocol import evaluate
+    from hilbertvae.scoring.protocol_settings import Protocol
     from hilbertvae.site import open_site
 
 __version__ = "0.1.0"
-__all__ = ["InputError", "cloud_from_scans", "evaluate", "load_map", "load_mapper", "open_site", "save_map", "write_map"]
+__all__ = [
+    "HilbertMap", "InputError", "Protocol", "cloud_from_scans", "evaluate", "load_map", "load_mapper", "open_site", "save_map", "write_map",
+]  # fmt: skip
 
 _WHERE = {
+    "HilbertMap": "hilbertvae.mappers.hilbert_map",
     "InputError": "hilbertvae.checks",
+    "Protocol": "hilbertvae.scoring.protocol_settings",
     "cloud_from_scans": "hilbertvae.cloud",
     "evaluate": "hilbertvae.scoring.protocol",
     "load_map": "hilbertvae.mappers.saved_map",

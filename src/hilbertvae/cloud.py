@@ -136,12 +136,13 @@ def points_cloud(scans: Scans, resolution_m: float, seed: int = 0) -> tuple[Clou
 
 
 def cloud_from_scans(points, origins, resolution_m: float | None = None, max_range_m: float | None = None) -> Cloud:
-    """The `fit` cloud of a user's scans.
+    """Labelled points for `fit`, of scans: returns, and the free space before them.
 
     points: a list of (n_s, D) arrays in metres in the map frame, one per scan, an (S, n, D) array of scans, or one (N, D) array. Of
     several scans some may be empty. Beams without a return are left out; what ends where it began, as drivers write them, is so here.
     origins: (S, D), where the sensor stood in each scan; with one (N, D) array of points, (N, D) or one (D,) origin.
     resolution_m: 0.1 in 2D and 0.2 in 3D unless given. max_range_m: beams as long as this and longer are dropped; none unless given.
+    The cloud has `points` (N, D) in metres, `occupied` (N,) bool and `weight` (N,), how many samples each point is the mean of.
     Raises `InputError` for what does not fit together, and for so many beams that can hardly be in metres that their free space would take
     hours. A `UserWarning` says where coordinates can't be in metres otherwise, where a beam is longer than any laser's, where many are of
     one length, as of no return, and where half or single precision has moved far coordinates by a part of a cell.

@@ -32,7 +32,7 @@ class MapSettings(ReadingSettings):
     calibration: str = "voxels"
     """What the map is made for. `voxels`: a probability is the share of cells that are occupied. `points`: the cut of 0.6 finds most
     of what beams would hit. It fills in more than twice as much, and more of that is wrong (a street's gaps, by cells: recall 83 %
-    for 46 %, precision 64 % for 87 %); of a building's seen cells 12 % more are occupied."""
+    for 45 %, precision 64 % for 87 %); of a building's seen cells 12 % more are occupied."""
     exports: list[str] | None = None
     """Which formats are written, as `exports=ros,points`, of ros, ot, bt, points, mesh, npz and rerun; all that suit the map and need no
     extra, unless given."""

@@ -9,7 +9,7 @@ import numpy as np
 from hilbertvae.scans.scan import Scans
 
 MOST_SPARSE = 16
-"""At most every so many-th scan is kept."""
+"""At most every n-th scan is kept."""
 STRETCH_SHARE = (0.3, 0.7)
 """Share of the drive that a stretch has."""
 SECTOR_RAD = (np.pi / 3, np.pi)

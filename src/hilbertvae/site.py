@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hilbertvae.checks import InputError
+from hilbertvae.checks import InputError, check_cell_m
 from hilbertvae.cloud import RESOLUTION_M, Cloud, fit_cloud, points_cloud, thinned_cloud, voted_cloud
 from hilbertvae.files import file_stamps, hash_of, path_sha256
 from hilbertvae.ground import Ground, find_ground
@@ -222,6 +222,13 @@ def site_name(reference: str) -> str:
 
 
 def open_site(reference: str | os.PathLike, resolution_m: float = 0.0, source: SiteSource | None = None) -> Site:
-    """The `Site` of a reference (see `SiteSource.scans`)."""
+    """A place to map, to train on or to score on; its `scans` have `points` and `origins`, (N, D) in metres, a row for each return.
+
+    reference: a path (log, bag, cloud, folder), a name of the catalogue (`intel`), or `simulated:<seed>`, a building unless `source` has
+    dimension 3. resolution_m: side of its voxels in metres; 0.1 in 2D and 0.2 in 3D where it is 0. source: where data lie, and how paths
+    are read. Raises `InputError` for what is none of these or can't be read, and for a resolution that is no size of a cell.
+    """
+    if resolution_m:
+        check_cell_m(resolution_m, "resolution_m")
     reference = os.fspath(reference)
     return Site(site_name(reference), (source or SiteSource()).scans(reference), resolution_m)

@@ -15,6 +15,7 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
+from hilbertvae import __version__
 from hilbertvae.checks import InputError
 from hilbertvae.signals import stopped_by_signals
 from hilbertvae.terminal import let_go_of_output
@@ -104,6 +105,9 @@ def run_command(command: str, kind: type[T], about: str, run, words: list[str] |
         if not words or {"-h", "--help"} & set(words):
             print(keyword_help(command, kind, about), flush=True)
             return 0 if words else 2
+        if "--version" in words:
+            print(f"hilbertvae {__version__}")
+            return 0
         with stopped_by_signals(), warnings.catch_warnings():
             warnings.showwarning = lambda message, *rest, **named: print(f"{command}: {message}", file=sys.stderr)
             run(settings_of(kind, words))

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from hilbertvae import __version__
 from hilbertvae.checks import InputError
 from hilbertvae.tables.kinds import KINDS
 from hilbertvae.terminal import show_any_text
@@ -17,6 +18,7 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("folder", type=Path, help="folder of a sweep, with a folder per job and result.json in each")
     parser.add_argument("--output", type=Path, help="where to write; by default the folder itself")
     parser.add_argument("--sweep", choices=KINDS, help="whose table it is to have: without sweep.json, or of a sweep of your own")
+    parser.add_argument("--version", action="version", version=f"hilbertvae {__version__}")
     given = parser.parse_args(words)
     show_any_text()
     from hilbertvae.tables.write import write_tables  # here: --help and typing errors wait for neither scikit-learn nor matplotlib

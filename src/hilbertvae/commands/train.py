@@ -13,6 +13,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
+from hilbertvae import __version__
 from hilbertvae.checks import InputError, how_to_install
 from hilbertvae.commands.clustering_study import has_study, run_clustering, write_clustering_failure
 from hilbertvae.commands.configuration import CONF, to_settings
@@ -106,6 +107,12 @@ def _application(config: DictConfig) -> None:
 def main() -> None:
     """Entry point. `+sweep=...` is taken as `sweep=...`: the group has its place in the defaults, so that `debug` comes after it."""
     words = [word.removeprefix("+") if word.startswith("+sweep=") else word for word in sys.argv[1:]]
+    if "--version" in words:  # Hydra would print its own
+        print(f"hilbertvae {__version__}")
+        return
+    if {"-m", "--multirun"} & set(words) and {"-c", "--cfg"} & set(words):  # Hydra would raise a traceback
+        print("hilbertvae-train: --cfg shows one job's settings: leave out -m, for a sweep's first job", file=sys.stderr)
+        sys.exit(2)
     if any(word.startswith("sweep=") for word in words) and not {"-m", "--multirun", "-c", "--cfg", "-h", "--help"} & set(words):
         print("hilbertvae-train: a sweep without -m is its first job alone; add -m for all of them", file=sys.stderr)
     if JOB in os.environ and int(os.environ.get("LOCAL_RANK", 0)):

@@ -45,7 +45,7 @@ def save_map(mapper: HilbertMap, path: str | os.PathLike) -> Path:
     learned from the site (`adapt_steps`) is not: `mapper.adapted_.save(path)` keeps it, for a map that is to grow later, and `load_map`
     finds it if it is `adapted.safetensors` beside the map; a loaded map's is copied along. What the cells of grids hold is packed. What
     scans have changed with `reconstruct=False` is reconstructed first, which may take minutes. Raises `InputError` for any other mapper,
-    and for a name that ends as an OctoMap's does.
+    and for a name that ends as an OctoMap's does. Returns the path.
     """
     if Path(path).suffix.lower() in OCTREES:  # which `load_map` would take it for
         raise InputError(f"{path}: expected a name that does not end in {' or '.join(OCTREES)}, as OctoMap's files do")
@@ -111,8 +111,8 @@ def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = Non
     folder, its `map.safetensors` is read. An OctoMap's `.ot` or `.bt` is read as the mapper that it is.
 
     checkpoint: the network that it was made with, for `partial_fit` and `fit`; unless given, it is looked for among those that come with
-    the package and in `adapted.safetensors` beside the map, and only when it is needed. Raises `InputError` for a file that is missing,
-    damaged or not ours.
+    the package and in `adapted.safetensors` beside the map, and only when it is needed. device: where that network computes, `cpu` or
+    `cuda`. Raises `InputError` for a file that is missing, damaged or not ours.
     """
     path = map_path(path)
     if not path.is_file():

@@ -44,6 +44,10 @@ FURTHER = {
     "added": " What this changed in the network that it trained is added to the weights of the step before.",
 }
 """What became of a training's weights, by what a card says of it; `before`: with which step's the mean was taken."""
+STEPS = (
+    "Each step began with the weights of the one before. Those are not kept, so the commands record what was done, and can't be run again "
+    "as they stand (`train.py` is `hilbertvae-train`).\n\n"
+)
 COLUMNS = {
     "precision": "P", "recall": "R", "best_f1": "best F1", "auc": "AUC", "nll": "NLL", "ece": "ECE", "base_rate": "base rate",
     "base_rate_nll": "its NLL",
@@ -119,7 +123,7 @@ def _trained(card: dict) -> str:
             back = int(stage.get("mean_with_step_before", 1))  # steps, or `True`
             before = f"step {number - back}" if back > 1 else "the step before"
             said.append(f"{number}. {told}{''.join(words.format(before=before) for key, words in FURTHER.items() if stage.get(key))}")
-    return "\n".join(said)
+    return (STEPS if len(said) > 1 else "") + "\n".join(said)
 
 
 def _scores(results: list[Result]) -> str:
@@ -165,8 +169,9 @@ def _terms(card: dict) -> str:
             "Trained on simulated sites alone, which its map's weights are of, too: nobody's scans are in it. Real sites had a say in some "
             "choices (docs/decisions.md). MIT, as the package."
         )
-    known = [TERMS["ple"]] if find_site(real[0]).dimension == 2 else [text for word, text in TERMS.items() if any(word in s for s in real)]
+    dimension = find_site(real[0]).dimension
+    known = [TERMS["ple"]] if dimension == 2 else [text for word, text in TERMS.items() if any(word in s for s in real)]
     return (
-        "Learned from real scans, whose owners' terms may reach to what is learned from them. If that matters to you, take the one that "
-        "was trained on simulated sites alone.\n\n" + "\n".join(f"- {text}" for text in known)
+        "Learned from real scans, whose owners' terms may reach to what is learned from them. Where that matters, the package has "
+        f"`{dimension}d-sim`, trained on simulated sites alone.\n\n" + "\n".join(f"- {text}" for text in known)
     )

@@ -48,7 +48,7 @@ def read_bag(
     message's time, in `fixed_frame`, of the topic `odometry` where that is given; a scan without one is left out, with a warning.
     `poses="kiss_icp"` finds them from the scans instead, for clouds. deskew: beams are turned back one by one, where messages say when
     each was measured (`beam_times`); unset it for clouds that were, but still say so. beam_origin and ranges are as in
-    `read_scan_folder`; `every` keeps each so many-th message. Scans are numbered from 0, beams by their place in the message.
+    `read_scan_folder`; `every` keeps every n-th message. Scans are numbered from 0, beams by their place in the message.
 
     The bag is read twice, transforms and then scans (and before, the first of these), a chunk at a time: memory grows with the returns
     that are kept. Messages have the types that ROS defines, whatever definitions the bag brings along. Raises `InputError` for files that

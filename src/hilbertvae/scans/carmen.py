@@ -33,7 +33,7 @@ def read_carmen(
     the same sweeps, since they are not as many, there is a warning. A range at or above
     `max_range_m`, or above what the message says the laser measures, no-return codes among them, is an error or a miss, as is one at or
     below `min_range_m`: it is skipped and carves nothing. Shorter codes can't be told from returns; ranges that end at one that many
-    beams have give a warning. `every` keeps each so many-th scan. step_deg: between beams, unless as the message says, or as many scans
+    beams have give a warning. `every` keeps every n-th scan. step_deg: between beams, unless as the message says, or as many scans
     have so many beams; a count that this reader knows of no laser gives a warning then. A last line without an end, and with less in it
     than the one before, as of a logger that was stopped, is left out with a warning. Raises `InputError` for a missing, truncated or
     foreign file.

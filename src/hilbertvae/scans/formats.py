@@ -32,7 +32,7 @@ class ReadingSettings:
     min_range_m: float | None = None
     """Metres. Beams as short as this and shorter are dropped: 2.5 for KITTI's layout, 0 for everything else."""
     every: int = 1
-    """Each so many-th scan is read."""
+    """Only every n-th scan is read."""
     sensor_origin_m: list[float] | None = None
     """Metres, file frame. Where the beams of a single point file started, if it does not say, or says it in another frame: [0, 0, 0] in a
     sensor's own frame."""

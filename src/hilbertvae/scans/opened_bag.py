@@ -118,7 +118,7 @@ class OpenedBag:
         return found
 
     def scans(self, topic: str, every: int = 1) -> Iterator[tuple[int, int, object]]:
-        """Each so many-th message of scans: its place, its time (that of the recording where it has none), and the message."""
+        """Every n-th message of scans: its place, its time (that of the recording where it has none), and the message."""
         for index, (_, recorded_ns, message) in enumerate(self._messages({topic}, every)):
             yield index * every, nanoseconds(message.header.stamp) or recorded_ns, message
 

@@ -86,7 +86,7 @@ def read_point_file(
     the file says, which may be in another frame than its points. Without either there are no rays, and nothing is made up: that is an
     `InputError`, as are damaged files.
     A beam as long as `max_range_m` and more, as short as `min_range_m` and less, or without a return (NaN) is dropped. So are points at
-    (0, 0, 0) where a cloud with one origin has two or more: drivers write them for beams without a return. `every` keeps each so many-th
+    (0, 0, 0) where a cloud with one origin has two or more: drivers write them for beams without a return. `every` keeps every n-th
     scan. Beams are numbered in the file's order within each scan, dropped ones included.
     """
     check_reading(min_range_m, max_range_m, every)

@@ -52,7 +52,7 @@ def read_scan_folder(
     files of two coordinates, the frame's x and y are kept.
     Beams start where the file says (in the frame of its points; see `OwnOrigins` for files that mean another), else where `beam_origin`
     says: a name of `BEAM_ORIGINS`, or three numbers in metres, sensor frame.
-    Ranges as in `read_point_file`; `every` keeps each so many-th scan. Kept scans are numbered from 0, beams by their place in the file.
+    Ranges as in `read_point_file`; `every` keeps every n-th scan. Kept scans are numbered from 0, beams by their place in the file.
     Without `poses.txt`, E57 files are placed by their own poses, in whose frame one file without a pose may be.
     With `poses="kiss_icp"` poses are found by odometry (see `KissOdometry`) and `poses.txt`, if there is one, is not read.
     Raises `InputError` for files of several formats, for another number of poses than of scans, and for files that can't be read.

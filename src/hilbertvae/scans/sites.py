@@ -43,7 +43,7 @@ class CatalogueEntry:
     source: str | None = None
     """Address of the folder that has the file, where there is one."""
     every: int = 1
-    """Each so many-th scan is read; fr079's scans stand 0.1 m apart."""
+    """Only every n-th scan is read; fr079's scans stand 0.1 m apart."""
     no_return_m: float = np.inf
     """The smallest code that means 'no return'; always above `max_range_m`. 3D scans have no such codes."""
     beams: int = 0

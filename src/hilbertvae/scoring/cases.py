@@ -17,7 +17,7 @@ from hilbertvae.site import Site
 from hilbertvae.voxel_votes import voxel_index
 
 OCCLUSION_STEP = {2: 10, 3: 3}
-"""`occluded-sparse` keeps each so many-th scan."""
+"""`occluded-sparse` keeps every n-th scan."""
 OCCLUSION_BANDS_M = ((0.25, 0.5), (0.5, 1.0), (1.0, 2.5))
 OCCLUSION_RANGE_M = (0.5, 2.5)
 MOST_SCORED = 500_000
