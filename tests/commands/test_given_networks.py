@@ -1,12 +1,16 @@
 """`hilbertvae-train` with networks that it did not train: what they bring with them counts, and is what the result says."""
 
+import re
 from dataclasses import replace
 
 import pytest
 from composed_settings import key_of, settings_of
+from hydra import initialize_config_dir
+from warm_start import train
 
 from hilbertvae.checks import InputError
-from hilbertvae.commands.overrides import refuse_ignored
+from hilbertvae.commands.configuration import CONF
+from hilbertvae.commands.overrides import refuse_ignored, refuse_of_one_name
 from hilbertvae.commands.run import identity, run
 from hilbertvae.drawing.canvas import new_figure
 from hilbertvae.files import file_sha256
@@ -100,10 +104,34 @@ def test_what_a_network_brings_with_it_is_not_set_beside_it(network, word):
 
 def test_two_mappers_of_one_name_are_refused():
     """They would be one row, of either's settings."""
-    for words in ("[hm,hm-3d]", "[hm-3d,nearest,hm]"):
-        with pytest.raises(InputError, match="mapper: expected mappers of different names, got hm.* and hm.*, which are both called hm$"):
-            refuse_ignored(settings_of(), [f"mapper={words}"])
-    refuse_ignored(settings_of(), ["mapper=[hm,hm,hm-points,nearest]", "seed=0,1"])
+    with initialize_config_dir(str(CONF), version_base="1.3"):
+        for words in (["mapper=[hm,hm-3d]"], ["mapper=[hm-3d,nearest,hm]"], ["experiment=real_3d", "mapper=[hm-3d,hm]"]):
+            with pytest.raises(InputError, match="mapper: expected mappers of different names, got hm.* and hm.*, both called hm$"):
+                refuse_of_one_name(words)
+        refuse_of_one_name(["mapper=[hm,hm,hm-points-3d,nearest]", "seed=0"])
+
+
+def test_two_mappers_of_one_name_are_refused_wherever_they_are_chosen(tmp_path):
+    """By an experiment, and of files of one's own."""
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "mapper").mkdir()
+    (tmp_path / "mapper/hm2.yaml").write_text((CONF / "mapper/hm.yaml").read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / "experiment/mine.yaml").write_text("# @package _global_\ndefaults: [override /mapper: [hm, hm2]]\n", encoding="utf-8")
+    for word in ("mapper=[hm,hm2]", "experiment=mine"):
+        done = train(tmp_path, word, "debug=fast", "--config-dir", str(tmp_path))  # options may come last
+        assert done.returncode == 2 and "got hm and hm2, both called hm" in done.stderr
+    (tmp_path / "mapper/hm2.yaml").rename(tmp_path / "mapper/hm.yaml")
+    done = train(tmp_path, "-cd", str(tmp_path), "mapper=[hm]", "debug=fast")
+    assert done.returncode == 2 and "hm.yaml: hilbertvae comes with a mapper/hm.yaml of its own" in done.stderr
+    assert not (tmp_path / "outputs").exists()
+
+
+def test_a_network_file_that_does_not_say_its_kind_is_refused(tmp_path):
+    (tmp_path / "network").mkdir()
+    (tmp_path / "network/tiny.yaml").write_text("channels: [8, 16, 24]\n", encoding="utf-8")
+    done = train(tmp_path, "--config-dir", str(tmp_path), "network=tiny", "debug=fast")
+    assert done.returncode == 2 and re.search(r"network: its file needs `defaults: \[...\]` .*gated_schema", done.stderr)
+    assert not (tmp_path / "outputs").exists()
 
 
 @pytest.mark.parametrize("word", ["trainer.epochs=5", "++trainer.learning_rate=1", "clustering.clusterings=2", "augmentation.balls=3",

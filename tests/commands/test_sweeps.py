@@ -225,10 +225,9 @@ class TestASweepSurvives:
         done = multirun(tmp_path, "cases/ablation=default", "validation_gap_m=1.5,2.5")
         assert done.returncode == 2 and "a folder for each job, got several in default-seed0" in done.stderr
         assert not list(tmp_path.glob("**/result.json"))
-        named = re.search(r"add '(hydra.sweep.subdir=.*)'", done.stderr)[1]
-        assert named == "hydra.sweep.subdir=validation_gap_m-${validation_gap_m}"
+        assert "add 'name=ablation-quick_validation_gap_m-${validation_gap_m}'" in done.stderr  # each its own table: one row a case
         one_place = ["cases/ablation=default,adamw", "hydra.sweep.subdir=x"]
-        assert "add 'hydra.sweep.subdir=ablation-${hydra:runtime.choices.cases/ablation}'" in multirun(tmp_path, *one_place).stderr
+        assert "got several in x; leave out that word" in multirun(tmp_path, *one_place).stderr
 
     @pytest.mark.parametrize("output", ["mine", "mine,yours"])
     def test_a_folder_for_all_jobs_is_no_output(self, tmp_path, output):
@@ -249,9 +248,9 @@ class TestASweepSurvives:
         words = ["-m", "debug=fast", "mapper=[all-occupied]", "evaluation.occlusion=false", "pictures=false", *varied]
         refused = train(tmp_path, *words)
         named = re.search(r"add '(hydra.sweep.subdir=.*)'", refused.stderr)[1]
-        assert named == f"hydra.sweep.subdir={name}"
+        assert named == f"hydra.sweep.subdir={name}-seed${{seed}}"  # as a table tells seeds
         assert train(tmp_path, *words, named).returncode == 0
-        assert {path.parent.name for path in tmp_path.glob("outputs/debug/run/*/result.json")} == expected
+        assert {path.parent.name for path in tmp_path.glob("outputs/debug/run/*/result.json")} == {f"{job}-seed0" for job in expected}
 
     def test_stopped_half_way_a_job_has_no_result_of_other_settings(self, tmp_path, monkeypatch):
         settings = settings_of("debug=fast", "mapper=[nearest]")

@@ -70,6 +70,25 @@ def test_factors_are_learned_from_what_was_hidden_alone(room, monkeypatch, level
     assert (clusters, ridge) == (len(mapper.frames_), 7.0)
 
 
+def test_a_map_answers_by_what_its_factors_were_fitted_to(room):
+    """How far boxes disagree is that of the boxes themselves, whatever their factors."""
+    made = reconstructor()
+    made.map_weights["voxels"]["spread"] = -0.7
+    mapper = fit(HilbertMap(made, weights="cluster", ridge=1.0), gapped(room))
+    assert np.ptp(mapper.factors_) > 0.1
+    queries = np.random.default_rng(0).uniform(*mapper.evidence_.bounds(), (3000, 2))
+    queries = queries[~mapper.observed(queries)]
+    holding = mapper.index_.holding(queries, 5)
+    queries, holding = queries[(holding >= 0).any(axis=1)], holding[(holding >= 0).any(axis=1)]
+    values, held = kernel(mapper.grids_, mapper.frames_, queries, holding), (holding >= 0).sum(axis=1)
+    weights = mapper.rank_weights_
+    loud = 5 / held if weights.level else np.ones(len(held))
+    each = np.where(holding >= 0, mapper.factors_[holding] * weights.unseen[:-1] * values, 0.0).sum(axis=1) * loud
+    apart = np.array([np.std(row[:count]) for row, count in zip(values, held, strict=True)])
+    logit = each + weights.unseen[-1] + weights.spread * apart
+    np.testing.assert_allclose(mapper.predict_proba(queries)[:, 1], 1 / (1 + np.exp(-logit)), rtol=0, atol=1e-6)
+
+
 def test_factors_by_an_explicit_sum():
     """Each query's logit is put together cluster by cluster, and the same optimum is searched."""
     rng = np.random.default_rng(0)

@@ -13,7 +13,7 @@ from hilbertvae import cores as cores_module
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.grids.cluster_grids import GridSettings, bin_grids, find_frames
-from hilbertvae.mappers import evidence, hilbert_map
+from hilbertvae.mappers import evidence, growing_mapper
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.saved_map import load_map, save_map
@@ -39,15 +39,16 @@ def answers_by_loop(mapper, cloud, queries, grids):
             if ((inside >= 0) & (inside < 1)).all():
                 factor = 1.0 if mapper.factors_ is None else mapper.factors_[m]
                 cell = tuple((inside * cells).astype(int))
-                held.append((np.linalg.norm(query - frames.centre[m]), factor * grids[m][cell]))
-        values = [value for _, value in sorted(held)[: mapper.neighbours]]
+                held.append((np.linalg.norm(query - frames.centre[m]), factor * grids[m][cell], grids[m][cell]))
+        values = [value for _, value, _ in sorted(held)[: mapper.neighbours]]
+        apart = np.std([plain for *_, plain in sorted(held)[: mapper.neighbours]] or [0.0])  # of the boxes themselves
         voxel = evidence.find(query[None])
         if mapper.evidence and voxel[0] >= 0:
             features = [*evidence.features(query[None], voxel)[0], np.mean(values) if values else 0.0, 1.0]
             logit = np.dot(weights.seen, features)
         elif values:
             louder = mapper.neighbours / len(values) if weights.level else 1.0
-            logit = np.dot(weights.unseen[: len(values)], values) * louder + weights.unseen[-1] + weights.spread * np.std(values)
+            logit = np.dot(weights.unseen[: len(values)], values) * louder + weights.unseen[-1] + weights.spread * apart
         else:
             away = away_by_loop(query, cloud, evidence.resolution_m)
             logit = weights.beyond @ [away, 1.0] if mapper.evidence and np.isfinite(away) else 0.0
@@ -265,7 +266,7 @@ def test_what_answers_are_looked_up_with_is_made_once_whatever_the_threads(room,
     mapper = fit(HilbertMap(reconstructor()), room.fit)
     mapper.chunk, made = 50, []
     queries = np.random.default_rng(0).uniform(-3, 13, (2000, 2))
-    for module, name in ((hilbert_map, "FrameIndex"), (evidence, "Nearness")):
+    for module, name in ((growing_mapper, "FrameIndex"), (evidence, "Nearness")):
         slow = getattr(module, name)
         monkeypatch.setattr(module, name, lambda *given, name=name, slow=slow: (time.sleep(0.02), made.append(name), slow(*given))[-1])
     monkeypatch.setattr(cores_module, "cores", lambda: 8)

@@ -1,4 +1,4 @@
-"""The OctoMap baseline against sums in plain Python and against octomap's own search; scikit-learn's contract."""
+"""The OctoMap baseline against sums in plain Python and against octomap's own search."""
 
 import copy
 import math
@@ -11,30 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.base import clone
-from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from hilbertvae.checks import InputError
 from hilbertvae.mappers.mapper import FREE_BELOW, OCCUPIED_ABOVE
 from hilbertvae.mappers.octomap_mapper import OctoMapMapper
 from hilbertvae.voxel_votes import voxel_index
-
-AXES = "an octree has 3 axes, of which a map uses 2 or 3"
-EXPECTED_FAILURES = {
-    name: AXES
-    for name in [
-        "check_dtype_object",
-        "check_estimators_dtypes",
-        "check_fit2d_1feature",
-        "check_n_features_in_after_fitting",
-        "check_positive_only_tag_during_fit",
-        "check_sample_weight_equivalence_on_dense_data",
-    ]
-}
-
-
-@parametrize_with_checks([OctoMapMapper()], expected_failed_checks=lambda _: EXPECTED_FAILURES)
-def test_scikit_learn_contract(estimator, check):
-    check(estimator)
 
 
 def room(dimension=2, count=600, seed=0, most=12):

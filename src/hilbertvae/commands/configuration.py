@@ -35,6 +35,9 @@ def to_settings(config: DictConfig) -> Settings:
     except InputError as error:  # of a street, which is complete when it is made, and does not know where it lies
         raise InputError(f"data.{error}" if str(error).startswith("street.") else str(error)) from error
     _refuse_unknown(settings, "")
+    if not is_dataclass(settings.network):  # a file of one's own that says nothing of its kind
+        schemas = ", ".join(f"{schema.kind}_schema" for schema in SCHEMAS)
+        raise InputError(f"network: its file needs `defaults: [...]` with the kind that it is of, one of {schemas}")
     settings.check()
     return settings
 

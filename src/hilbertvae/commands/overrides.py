@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from omegaconf import OmegaConf
+from hydra.types import RunMode
 
 from hilbertvae.checks import InputError
-from hilbertvae.commands.configuration import CONF
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.training.settings import TRAINED, Settings
 
@@ -37,7 +37,6 @@ def refuse_ignored(settings: Settings, overrides: list[str]) -> None:
     """An `InputError` for a setting that nothing would come of: of sites as they are in the other dimension, or as none of the run's is,
     or, typed beside a `checkpoint`, of what that network brings with it. So it is where mappers name the networks, and none is trained."""
     theirs, why = OF_ANOTHER_SPACE[settings.dimension]
-    _refuse_of_one_name(overrides)
     for key in _typed_keys(overrides):
         if key.startswith(theirs):
             raise InputError(f"{key}: expected none with dimension={settings.dimension}, where {why}")
@@ -75,16 +74,18 @@ def _refuse_of_no_site(settings: Settings, overrides: list[str], training: bool)
             raise InputError(f"{key}: expected none {why}")
 
 
-def _refuse_of_one_name(overrides: list[str]) -> None:
-    """An `InputError` for mappers that would be one row: several of their files write a name, as `hm` and `hm-3d`."""
-    for word in OverridesParser.create().parse_overrides(overrides):
-        chosen = word.value() if word.key_or_group == "mapper" and not word.is_sweep_override() else []
-        named: dict[str, str] = {}
-        for option in chosen if isinstance(chosen, list) else []:
-            file = CONF / "mapper" / f"{option}.yaml"
-            for name in OmegaConf.load(file) if file.is_file() else []:
-                if (other := named.setdefault(name, option)) != option:
-                    raise InputError(f"mapper: expected mappers of different names, got {other} and {option}, which are both called {name}")
+def refuse_of_one_name(overrides: list[str]) -> None:
+    """An `InputError` for mappers that would be one row: several of the files chosen, typed or by an experiment, write a name, as `hm` and
+    `hm-3d`."""
+    loader = GlobalHydra.instance().config_loader()
+    chosen = loader.compute_defaults_list("config", overrides, RunMode.RUN).defaults
+    named: dict[str, str] = {}
+    for path in (one.config_path for one in chosen if (one.config_path or "").startswith("mapper/")):
+        option = path.removeprefix("mapper/")
+        found = loader.repository.load_config(path)  # type: ignore[attr-defined] (of Hydra's only loader)
+        for name in found.config if found else []:
+            if name != "defaults" and (other := named.setdefault(name, option)) != option:
+                raise InputError(f"mapper: expected mappers of different names, got {other} and {option}, both called {name}")
 
 
 def named_networks(settings: Settings) -> dict[str, str]:

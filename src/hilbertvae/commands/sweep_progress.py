@@ -71,7 +71,7 @@ class SweepProgress(Callback):
         # They would overwrite each other's results.
         if shared := [job for job, times in Counter(job.folder for job in jobs).items() if times > 1]:
             several = f"expected a folder for each job, got several in {', '.join(path.name for path in shared)}"
-            print(f"hydra.sweep.subdir: {several}; add {telling_subdir(config)}", file=sys.stderr)
+            print(f"hydra.sweep.subdir: {several}; {telling_words(config)}", file=sys.stderr)
             sys.exit(2)
         refuse_unwritable(dict.fromkeys(job.folder for job in jobs))
         sweep = OmegaConf.select(config, "hydra.runtime.choices.sweep")
@@ -169,20 +169,26 @@ def job_overrides(config: DictConfig) -> list[list[str]]:
     return [list(words) for batch in BasicSweeper.split_arguments(overrides, max_batch_size=None) for words in batch]
 
 
-def telling_subdir(config: DictConfig) -> str:
-    """An override that names each job's folder after what varies from job to job, and by its number where that makes no name of a folder:
-    a list of mappers, or a path."""
+def telling_words(config: DictConfig) -> str:
+    """What gives each job a folder of its own: an override that names it after what varies from job to job, and by its number where that
+    makes no name of a folder: a list of mappers, or a path. The name ends in the seed, as `hilbertvae-table` reads it. A sweep has one job
+    for each case and seed, so that all else that varies makes several sweeps, each in a folder of its own."""
+    sweep = config.hydra.runtime.choices.get("sweep")
+    own = {"seed", f"cases/{sweep}"} if sweep else {"seed"}
     values: dict[str, set[str]] = {}
     for words in job_overrides(config):
         for key, _, value in (word.lstrip("+").partition("=") for word in words):
             values.setdefault(key, set()).add(value)
-    varied = {key: found for key, found in values.items() if len(found) > 1}
+    varied = {key: found for key, found in values.items() if len(found) > 1 and key not in own}
+    if not varied:
+        return "leave out that word"
     parts = []
     for key in (key for key, found in varied.items() if all(map(NAME_OF_VALUE.fullmatch, found))):
         value = f"hydra:runtime.choices.{key}" if key in config.hydra.runtime.choices else key
         parts.append(f"{key.replace('/', '.').rpartition('.')[2]}-${{{value}}}")
-    numbered = [] if parts and len(parts) == len(varied) else ["job-${hydra:job.num}"]
-    return f"'hydra.sweep.subdir={'_'.join(parts + numbered)}'"
+    numbered = [] if len(parts) == len(varied) else ["job-${hydra:job.num}"]
+    told = "_".join(parts + numbered)
+    return f"add 'name={config.name}_{told}'" if sweep else f"add 'hydra.sweep.subdir={told}-seed${{seed}}'"
 
 
 def what_failed(folder: Path, scored: bool) -> str | None:

@@ -16,10 +16,11 @@ from omegaconf import DictConfig, OmegaConf
 from hilbertvae import __version__
 from hilbertvae.checks import InputError, how_to_install
 from hilbertvae.commands.clustering_study import has_study, run_clustering, write_clustering_failure
+from hilbertvae.commands.command_line import options_first, refuse_shadowed
 from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.gpus import give_gpus, remember_gpus, see_remembered_gpus
 from hilbertvae.commands.hydra_files import HydraFiles
-from hilbertvae.commands.overrides import refuse_idle, refuse_ignored
+from hilbertvae.commands.overrides import refuse_idle, refuse_ignored, refuse_of_one_name
 from hilbertvae.commands.run import run
 from hilbertvae.reports.run_folder import allow, has_result, write_failure, write_refusal
 from hilbertvae.reports.run_lock import alone_in
@@ -54,6 +55,7 @@ def _application(config: DictConfig) -> None:
         if "joblib" in launcher or "LocalLauncher" in launcher:
             give_gpus(config.trainer.devices)  # first of all, since to check `device` is to use a GPU
         settings = to_settings(config)
+        refuse_of_one_name(list(job.overrides.task))
         refuse_ignored(settings, list(job.overrides.task))
         if not many:
             refuse_idle(settings, list(job.overrides.task))
@@ -122,8 +124,13 @@ def main() -> None:
         if word.startswith("launcher=") and extra and not find_spec(f"hydra_plugins.{plugin}"):
             print(f"hilbertvae-train: {word}: needs the extra '{extra}': {how_to_install(extra)}", file=sys.stderr)
             sys.exit(2)
-    sys.argv[1:] = words
     show_any_text()
+    try:
+        refuse_shadowed(words)
+    except InputError as error:
+        print(f"hilbertvae-train: {error}", file=sys.stderr)
+        sys.exit(2)
+    sys.argv[1:] = options_first(words)
     remember_gpus()
     with stopped_by_signals():  # else a launcher's workers, or a scoring's, would go on without it
         try:

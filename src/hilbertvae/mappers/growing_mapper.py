@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
+from threading import Lock
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
@@ -12,6 +14,7 @@ from sklearn.utils.validation import check_is_fitted
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.grids.frame import Frames
+from hilbertvae.grids.kernel import FrameIndex
 from hilbertvae.mappers.completing_mapper import CompletingMapper
 from hilbertvae.mappers.growing_clusters import GrowingClusters
 from hilbertvae.mappers.mapper import answer_in_chunks
@@ -21,12 +24,23 @@ from hilbertvae.signals import to_its_end
 
 GROWN = ("seeds_", "small_seeds_", "frames_", "grids_", "known_")
 """What a map shows of its growing clusters."""
+_ONE_AT_A_TIME = Lock()
+_INDEXES: WeakKeyDictionary[GrowingMapper, FrameIndex] = WeakKeyDictionary()
+"""What finds a map's boxes, beside it: to ask a map changes nothing in it."""
 
 
 class GrowingMapper(CompletingMapper):
     """Base of `HilbertMap`, which has `_start`; `fit` and `load_map` set the same attributes as this."""
 
     _growing: GrowingClusters | None = None
+
+    @property
+    def index_(self) -> FrameIndex:
+        """Finds the boxes that hold a query; made when first asked for, since scans alter the boxes, by one of the threads that ask."""
+        with _ONE_AT_A_TIME:
+            if (found := _INDEXES.get(self)) is None or found.frames is not self.frames_:
+                found = _INDEXES[self] = FrameIndex(self.frames_)
+            return found
 
     def partial_fit(self, points, y, sample_weight=None, reconstruct=True, classes=None):
         """Add a scan to the map, or begin one, and reconstruct the clusters that it touches. Arguments as of `fit`; one class is enough.

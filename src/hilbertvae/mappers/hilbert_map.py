@@ -6,7 +6,6 @@ was observed in its voxel, weighed by logistic regression.
 
 from __future__ import annotations
 
-from threading import Lock
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +15,7 @@ from sklearn.utils.validation import check_is_fitted
 from hilbertvae.checks import InputError
 from hilbertvae.cloud import RESOLUTION_M, Cloud, labelled_voxels
 from hilbertvae.grids.cluster_grids import GridSettings, cloud_clusters, frames_of
-from hilbertvae.grids.kernel import NONE, FrameIndex, kernels
+from hilbertvae.grids.kernel import NONE, kernels
 from hilbertvae.mappers.cluster_weights import cluster_factors, hide_gaps
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.growing_mapper import GrowingMapper
@@ -33,7 +32,6 @@ FLIPS = {2: 4, 3: 1}
 to begin with."""
 SHOWN_FROM = {2: 0.5, 3: 0.1}
 """How likely a cell has to be known to be shown in full. In 3D beams are far apart, and few cells are that likely to be met by one."""
-_ONE_AT_A_TIME = Lock()
 
 
 class HilbertMap(GrowingMapper):
@@ -58,8 +56,6 @@ class HilbertMap(GrowingMapper):
     seed: of where clusters are, which in `fit` follows the order of points, too. device: where the network computes, `cpu` or `cuda`.
     All take effect with the next `fit`; `seed` and `device` also where a map grows.
     """
-
-    _index = None
 
     def __init__(
         self,
@@ -110,14 +106,6 @@ class HilbertMap(GrowingMapper):
         completed = self._complete_boxes(cloud, self.frames_)
         self.grids_, self.known_ = completed.value, completed.known
 
-    @property
-    def index_(self) -> FrameIndex:
-        """Finds the boxes that hold a query; made when first asked for, since scans alter the boxes, by one of the threads that ask."""
-        with _ONE_AT_A_TIME:
-            if self._index is None or self._index.frames is not self.frames_:
-                self._index = FrameIndex(self.frames_)
-            return self._index
-
     def _start(self, cloud: Cloud) -> None:
         """Check the settings for clouds like this one, and begin a map with what it observed."""
         network = self.reconstructor
@@ -131,7 +119,7 @@ class HilbertMap(GrowingMapper):
         self.evidence_ = Evidence(cloud.points, cloud.occupied, cloud.weight, resolution_m)
         self.evidence_joins_, self.fills_ = bool(self.evidence), bool(self.fill)
         self.rank_weights_ = self._rank_weights()
-        self.completes_, self.adapted_, self.small_seeds_, self._growing, self._index = network, None, None, None, None
+        self.completes_, self.adapted_, self.small_seeds_, self._growing = network, None, None, None
 
     def _rank_weights(self) -> RankWeights:
         learned = self.reconstructor.map_weights if self.reconstructor else {}
@@ -155,13 +143,13 @@ class HilbertMap(GrowingMapper):
         """Phi of `queries (Q, D)`: kernel values (Q, K), boxes that hold each (Q,), whether its voxel was seen (Q,) bool, the evidence
         (S, F) of those whose was, and how far away (Q,) returns are from those that no box holds (`Evidence.away`)."""
         with turn_of(self):
-            return self._phi(self._checked(queries))
+            return self._phi(self._checked(queries))[:5]
 
     def _phi(self, queries: np.ndarray) -> tuple[np.ndarray, ...]:
-        phi = self._features(queries, *self._look_up(queries, self.grids_), self.evidence_.find(queries))
+        *phi, apart = self._features(queries, *self._look_up(queries, self.grids_), self.evidence_.find(queries))
         away, beyond = np.full(len(queries), np.inf), (phi[1] == 0) & ~phi[2] & (self.evidence_joins_ and self.fills_)
         away[beyond] = self.evidence_.away(queries[beyond])
-        return *phi, away
+        return *phi, away, apart
 
     def _look_up(self, queries, *grids):
         """The boxes that hold each query (Q, K), and the kernel values (Q, K) of each of `grids` there."""
@@ -169,10 +157,12 @@ class HilbertMap(GrowingMapper):
         return holding, *kernels(list(grids), self.frames_, queries, holding, self.grid_.interpolated)
 
     def _features(self, queries, holding, values, voxel):
+        held, apart = (holding != NONE).sum(axis=1), None
         if self.factors_ is not None:
+            apart = disagreement(values, held)  # of the boxes themselves, as factors are fitted
             values *= np.where(holding != NONE, self.factors_[holding], 0.0)
         seen = (voxel != NONE) & self.evidence_joins_
-        return values, (holding != NONE).sum(axis=1), seen, self.evidence_.features(queries[seen], voxel[seen])
+        return values, held, seen, self.evidence_.features(queries[seen], voxel[seen]), apart
 
     def _probability(self, queries):
         return expit(self.rank_weights_.logit(*self._phi(queries)))
@@ -189,8 +179,8 @@ class HilbertMap(GrowingMapper):
         grids = [self.grids_] if self.known_ is None else [self.grids_, self.known_]
         holding, values, *said = self._look_up(queries, *grids)  # in one pass, since both are read at the same cells
         voxel = self.evidence_.find(queries)
-        features = self._features(queries, holding, values, voxel)
-        plain = expit(self.rank_weights_.logit(*features))
+        *features, apart = self._features(queries, holding, values, voxel)
+        plain = expit(self.rank_weights_.logit(*features, apart=apart))
         fade = np.minimum(self._known_or_seen(voxel, holding, said) / SHOWN_FROM[queries.shape[1]], 1.0)
         return np.where(fade < 1.0, 0.5 + (plain - 0.5) * fade, plain), features, voxel
 
@@ -202,7 +192,7 @@ class HilbertMap(GrowingMapper):
         return self._answer(self._spread, queries)
 
     def _spread(self, queries):
-        return self._spread_of(*self._features(queries, *self._look_up(queries, self.grids_), self.evidence_.find(queries)))
+        return self._spread_of(*self._features(queries, *self._look_up(queries, self.grids_), self.evidence_.find(queries))[:4])
 
     def _spread_of(self, values, held, seen, evidence):
         alone = expit(self.rank_weights_.logits_alone(values, held, seen, evidence))

@@ -215,7 +215,7 @@ def _put_clusters(mapper: HilbertMap, arrays: dict[str, np.ndarray]) -> None:
     if not np.allclose(np.einsum("mde,mdf->mef", turn, turn), np.eye(dimension), atol=1e-6):
         raise InputError("rotation: expected rotations")
     mapper.frames_ = Frames(arrays["centre"], turn, arrays["scale"])
-    mapper.seeds_, mapper.small_seeds_, mapper._index = arrays["seeds"], arrays.get("small_seeds"), None
+    mapper.seeds_, mapper.small_seeds_ = arrays["seeds"], arrays.get("small_seeds")
     mapper.grids_, mapper.known_, mapper.factors_ = arrays["grids"], arrays.get("known"), arrays.get("factors")
 
 

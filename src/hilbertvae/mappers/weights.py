@@ -85,15 +85,16 @@ class RankWeights:
         """The weights of a map without evidence: the paper's plain sum."""
         return RankWeights(self.everywhere, self.seen, self.everywhere, level=False, occupied_weight=self.occupied_weight)
 
-    def logit(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray, away=np.inf) -> np.ndarray:
+    def logit(self, values: np.ndarray, held: np.ndarray, seen: np.ndarray, evidence: np.ndarray, away=np.inf, apart=None) -> np.ndarray:
         """(Q,) w . Phi for kernel `values (Q, K)`, how many boxes `held (Q,)` each, `evidence (S, F)` of those `seen (Q,)`, and how far
-        `away (Q,)` returns are from those that no box holds, infinite where nothing was seen near."""
+        `away (Q,)` returns are from those that no box holds, infinite where nothing was seen near. apart (Q,): how far boxes disagree, if
+        not as `values` do, which a map's own factors have changed."""
         # Sums along rows, not a matrix product: BLAS rounds a row differently from batch to batch.
         heard = levelled(values, held) if self.level else values
         inside = (heard * self.unseen[:-1]).sum(axis=1) + self.unseen[-1]
         if self.spread:
             unseen = ~seen & (held > 0)
-            inside[unseen] += self.spread * disagreement(values[unseen], held[unseen])
+            inside[unseen] += self.spread * (disagreement(values[unseen], held[unseen]) if apart is None else apart[unseen])
         logit = np.where(held > 0, inside, self._beyond(away))
         logit[seen] = (seen_features(values[seen], held[seen], evidence) * self.seen).sum(axis=1)
         return logit

@@ -9,7 +9,7 @@ from pathlib import Path
 from hilbertvae.checks import InputError
 from hilbertvae.files import json_object, write_json
 from hilbertvae.reconstruction.reconstructor import Reconstructor
-from hilbertvae.reports.run_folder import CHECKPOINTS, NETWORK, TRAINING, clear, is_trained
+from hilbertvae.reports.run_folder import CHECKPOINTS, NETWORK, TRAINING, clear, has_result, is_trained
 from hilbertvae.training.checkpoints import read_checkpoint
 from hilbertvae.training.kept_network import kept_name
 from hilbertvae.training.settings import Settings
@@ -41,14 +41,16 @@ def finished_network(output: Path, settings: Settings) -> Reconstructor | None:
 
 def check_folder(settings: Settings) -> None:
     """An `InputError` if the folder of the run holds the training of another one, which it would go on from or write over, with its
-    checkpoints or without. One that is kept may be written over by one that is to be kept, too."""
+    checkpoints or without. One that is kept may be written over by one that is to be kept, too, but for a result of other settings: it is a
+    row of a table, beside which the new one would stand as if all had been trained alike."""
     output = Path(settings.output)
     finished = (output / NETWORK).exists() and (output / TRAINING).exists()
     found = json_object(output / TRAINING) if finished or _has_checkpoint(output) else None
-    if found is None or (settings.trained and "kept_name" in found):
+    both_kept = found is not None and settings.trained and "kept_name" in found
+    if found is None or (both_kept and not has_result(output)):
         return
     same = found.get("training_hash") == training_hash(settings)
-    if settings.trained and same:
+    if settings.trained and same and not both_kept:
         ways = "leave it out to go on, choose another `name`, or remove the folder"
         raise InputError(f"trained: {output} holds a training that was begun without it; {ways}")
     if not same:
