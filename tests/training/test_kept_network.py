@@ -107,7 +107,7 @@ def test_whoever_comes_second_waits_and_is_given_the_network(tmp_path, first):
     assert waiting.is_alive() and not found
     one.keep(path, {"train": 1.5})
     waiting.join(20)
-    assert isinstance(found[0], Reconstructor) and found[0].seconds == {"train": 1.5}
+    assert isinstance(found[0], Reconstructor) and found[0].seconds == {"train": 1.5} and two.trained_in == str(path.parent)
     assert (tmp_path / "two").read_bytes() == path.read_bytes()
 
 

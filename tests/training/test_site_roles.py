@@ -7,9 +7,10 @@ from training_toys import tiny_settings
 from hilbertvae.checks import InputError
 from hilbertvae.files import path_sha256
 from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.reconstruction.training_card import many_simulated
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.training.given_networks import give_networks, load_named
-from hilbertvae.training.site_roles import check_roles, check_unseen, many_simulated, own_sites, place
+from hilbertvae.training.site_roles import check_roles, check_unseen, own_sites, place
 from hilbertvae.training.train import train
 from toy_rooms import tiny_reconstructor
 

@@ -94,6 +94,11 @@ def named_networks(settings: Settings) -> dict[str, str]:
     return {key: name for key, name in named.items() if isinstance(name, str) and name != TRAINED}
 
 
+def mapper_of(key: str) -> str:
+    """The name of the mapper whose network `named_networks` has by this key."""
+    return key.removeprefix("mapper.").removesuffix(".reconstructor")
+
+
 def _typed_keys(overrides: list[str]) -> Iterator[str]:
     """The settings that these words change, also those within `{...}`."""
 
@@ -113,9 +118,22 @@ def learns_weights(mapper: dict | None) -> bool:
     return bool(mapper and mapper.get("reconstructor") and mapper.get("weights") != "unit" and LEARN_ANEW & {*mapper})
 
 
+def _refuse_without_network(settings: Settings, overrides: list[str]) -> None:
+    """An `InputError` for a typed setting of networks, or of a training, in a run whose mappers have none."""
+    if settings.task != "maps" or settings.checkpoint or not settings.mapper:
+        return
+    if any(isinstance(one, dict) and one.get("reconstructor") for one in settings.mapper.values()):
+        return
+    for key in _typed_keys(overrides):
+        of_network = key.partition(".")[0] in OF_A_NETWORK and key.partition(".")[0] not in OF_RAW_GRIDS
+        if of_network or (key.startswith(OF_A_TRAINING) and key not in OF_A_SCORING_TOO) or key in OF_A_TRAINING_ALONE:
+            raise InputError(f"{key}: expected none where no mapper has a network")
+
+
 def refuse_idle(settings: Settings, overrides: list[str]) -> None:
     """An `InputError` for a typed setting of a training that another one makes idle. Not for a multirun, where one of its jobs may use what
     others don't."""
+    _refuse_without_network(settings, overrides)
     network, kind = settings.network, settings.likelihood.kind
     shown = getattr(network, "encoding", None)
     idle = (

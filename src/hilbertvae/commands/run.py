@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.commands.overrides import learns_weights, named_networks
+from hilbertvae.commands.overrides import learns_weights, mapper_of, named_networks
 from hilbertvae.files import file_sha256
 from hilbertvae.reconstruction.shipped import checkpoint_path
 from hilbertvae.reports.provenance import named_without_folders
@@ -34,7 +34,7 @@ def run(settings: Settings, again: bool = True) -> int:
         return 0
     # Late: a sweep that has nothing to do waits for none of it, and only a training for Lightning.
     from hilbertvae.commands.build import build_mappers
-    from hilbertvae.commands.scored_network import config_without_training, of_network, seeds_of
+    from hilbertvae.commands.scored_network import config_without_training, of_named, of_network, seeds_of
     from hilbertvae.reconstruction.reconstructor import Reconstructor
     from hilbertvae.reports.report import Report
     from hilbertvae.training.given_networks import load_named, needs_training
@@ -59,13 +59,15 @@ def run(settings: Settings, again: bool = True) -> int:
     config = asdict(settings) if training else config_without_training(settings)
     if scored := scored or (None if training else _only_named(settings, mappers)):
         config |= of_network(scored)
+    elif not training:
+        config = of_named(config, {name: mappers[name].reconstructor for name in map(mapper_of, named_networks(settings))})
     own = named_without_folders(own_sites(sites))
     hashes = site_hashes(list(sites))
     write = Report(
         settings.output,
         config,
         identity=identity(settings),
-        seeds=seeds_of(settings, scored),
+        seeds=seeds_of(settings, scored, training),
         data=hashes | own | _given(settings),
         others=lambda: _others(settings, sites),
         pictures=settings.pictures,
@@ -118,7 +120,7 @@ def _only_named(settings: Settings, mappers: dict[str, Mapper]) -> Reconstructor
     named = named_networks(settings)
     if len({*named.values()}) != 1:
         return None
-    return next(mapper.reconstructor for name, mapper in mappers.items() if f"mapper.{name}.reconstructor" in named)
+    return mappers[mapper_of(next(iter(named)))].reconstructor
 
 
 def identity(settings: Settings) -> dict:
@@ -139,11 +141,11 @@ def _given(settings: Settings) -> dict[str, str]:
 
 def _check_own(settings: Settings) -> None:
     """An `InputError` if the run's folder holds the training of another network than is scored: it would have that one's scores. Others may
-    be scored beside its own. One that is a `checkpoint` has its training's own results there, which would be lost."""
+    be scored beside its own. One that is a `checkpoint`, and baselines alone, would take the training's own results from there."""
     given = _given(settings)
-    if not (given and is_trained(settings.output)):
+    if not is_trained(settings.output):
         return
-    if settings.checkpoint:
+    if settings.checkpoint or not given:
         raise InputError(f"output: {settings.output} holds a training, whose results would be replaced; choose another `name`")
     if file_sha256(Path(settings.output) / NETWORK) not in given.values():
         than = ", ".join(f"`{key}`" for key in given)

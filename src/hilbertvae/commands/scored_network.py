@@ -32,11 +32,18 @@ def of_network(network: Reconstructor) -> dict:
     return found | ({"calibration_occupied_weight": occupied_weight_of(weights)} if weights else {})
 
 
-def seeds_of(settings: Settings, network: Reconstructor | None) -> dict:
-    """What was seeded by what: of a network that was given, its training and its map's weights as its card says; None where it does not."""
+def of_named(config: dict, networks: dict[str, Reconstructor]) -> dict:
+    """The settings of a run whose mappers name several networks, by mapper, or none: those of a network of the run were read by nobody."""
+    config = {key: value for key, value in config.items() if key not in ("network", "likelihood", "calibration_occupied_weight")}
+    return config | ({"networks": {name: of_network(network) for name, network in networks.items()}} if networks else {})
+
+
+def seeds_of(settings: Settings, network: Reconstructor | None, trains: bool) -> dict:
+    """What was seeded by what: of a network that was given, its training and its map's weights as its card says; None where it does not. Of
+    several networks, and of none, those of the gaps alone."""
     seeds = {"training": settings.seed, "gaps": settings.evaluation.gap_seeds, "calibration": settings.calibration_seeds}
     if network is None:
-        return seeds
+        return seeds if trains else {"gaps": seeds["gaps"]}
     seeds["training"] = network.card.get("seed", settings.seed)
     if network.map_weights:
         seeds["calibration"] = network.card.get(KEY, {}).get("calibration_seeds")

@@ -83,7 +83,7 @@ def card_text(name: str, weights: Path, results: list[Path]) -> str:
 
 
 def _knows_floors(card: dict) -> bool:
-    """Whether simulated floors are among what it was trained on, as `site_roles.many_simulated` says it."""
+    """Whether simulated floors are among what it was trained on, as `many_simulated` says it."""
     return any(re.match(r"\d+ simulated .*floors", site) for stage in stages(card) for site in stage["trained_on"])
 
 

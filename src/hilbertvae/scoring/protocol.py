@@ -14,13 +14,14 @@ from hilbertvae.checks import InputError
 from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import LEAST_SHARE, Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
+from hilbertvae.reconstruction.training_card import trained_on
 from hilbertvae.scoring.answers import answers, spreads, warn_of_voxels
 from hilbertvae.scoring.cases import Case, gap_case, occluded_parts, occlusion_case
 from hilbertvae.scoring.ceiling import ceiling
 from hilbertvae.scoring.metrics import error_ranking, precision_recall_curve, score
 from hilbertvae.scoring.protocol_settings import Protocol
 from hilbertvae.scoring.result import Result
-from hilbertvae.site import Site
+from hilbertvae.site import SIMULATED, Site
 
 CURVE_POINTS = 101
 """Recalls at which the precision-recall curve is kept."""
@@ -63,6 +64,7 @@ def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, p
             raise InputError(f"{name}: expected a hilbertvae.mappers.mapper.Mapper, got {type(mapper).__name__}")
         if mapper is not first and not mapper.fits_like(first):
             raise InputError(f"{name}: expected one that fits as {next(iter(mappers))} does (Mapper.fits_like); evaluate_all takes any")
+        _warn_if_trained_on(mapper, name, site)
     found = {name: _Found() for name in mappers}
     every_gap = []
     for seed in protocol.gap_seeds:
@@ -164,6 +166,14 @@ def _curve(occupied: np.ndarray, probability: np.ndarray) -> list[float]:
     _, precision, recall = precision_recall_curve(occupied, probability)
     best = np.maximum.accumulate(precision[::-1])[::-1]
     return [round(float(p), 5) for p in best[np.searchsorted(recall, np.linspace(0, 1, CURVE_POINTS) - 1e-12)]]
+
+
+def _warn_if_trained_on(mapper: Mapper, name: str, site: Site) -> None:
+    """Training and evaluation never share a site (METHOD 0). `hilbertvae-train` refuses to; whoever calls this may want to see it."""
+    sites, simulated = trained_on(getattr(getattr(mapper, "reconstructor", None), "card", {}))
+    number = site.name.removeprefix(SIMULATED)
+    if site.name in sites or (number != site.name and number.isdecimal() and any(int(number) in many for many in simulated)):
+        warnings.warn(f"{name}: {site.name} is among what its network was trained on; its scores say nothing of other places", stacklevel=4)
 
 
 def evaluate_all(mappers: dict[str, Mapper], site: Site, protocol: Protocol, progress=None, kept=None) -> Result:

@@ -35,7 +35,9 @@ def case_rows(
         failures = [note for run in group.values() for note in run.failures()]
         alike = _scored_alike(group)
         row = {"site": site, "case": first.case, **counts_of(alike), **row_of(alike)}
-        rows.append(row | {"note": note_of(group, row.get("note"), network_of(first), *sweep.gone(first.case), *failures)})
+        rows.append(
+            row | {"note": note_of(group, row.get("note"), network_of(first, first.champion("voxels")), *sweep.gone(first.case), *failures)}
+        )
     if site == sweep.by_site()[0][0]:
         rows += [absent_row(status, columns, site=NOTHING, case=case, note="see below") for case, status in sweep.absent().items()]
     return rows

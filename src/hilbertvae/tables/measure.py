@@ -112,12 +112,16 @@ def ceiling_note(runs: Sequence[Run]) -> list[str]:
     return [f"Ceiling, the best vote at the map's cell size on held-out beams, P / R (%): {'; '.join(parts)}."] if parts else []
 
 
-def network_of(run: Run) -> str:
-    """The run's network in words: its kind, channels, cells of its grids and latent dimension."""
-    channels = run.config("network.channels")
-    parts = [str(run.config("network.kind", "unknown")) + (" " + "/".join(map(str, channels)) if isinstance(channels, list) else "")]
-    parts += [f"{run.config('grid.cells')} cells"] if run.config("grid.cells") else []
-    parts += [f"latent {run.config('network.latent')}"] if run.config("network.latent") else []
+def network_of(run: Run, mapper: str | None = None) -> str:
+    """The network of a run, or of a mapper that names its own, in words: its kind, channels, cells of its grids and latent dimension;
+    nothing of a run without one."""
+    own = f"networks.{mapper}." if run.config(f"networks.{mapper}") else ""
+    kind, channels = run.config(f"{own}network.kind"), run.config(f"{own}network.channels")
+    if kind is None:
+        return ""
+    parts = [str(kind) + (" " + "/".join(map(str, channels)) if isinstance(channels, list) else "")]
+    parts += [f"{cells} cells"] if (cells := run.config(f"{own}grid.cells")) else []
+    parts += [f"latent {latent}"] if (latent := run.config(f"{own}network.latent")) else []
     return ", ".join(parts)
 
 

@@ -165,7 +165,7 @@ def _reasons(mapper: str, run: Run, dimension: int) -> list[str]:
     if not is_network(mapper):
         return [OTHERWISE[mapper]] if mapper in OTHERWISE else []
     if not mapper.endswith("-paper"):
-        return [f"{network_of(run)}; calibrated for {reading_of(mapper)}"]
+        return [f"{network_of(run, mapper)}; calibrated for {reading_of(mapper)}"]
     network = {key: run.config(f"network.{key}") for key in PAPER_NETWORK}
     same = network == PAPER_NETWORK and run.config("grid.cells") == PAPER_CELLS and run.config("network.latent") == PAPER_LATENT[dimension]
     return [f"the paper's {'network' if same else 'recipe on another network than its baseline'}: {network_of(run)}"]

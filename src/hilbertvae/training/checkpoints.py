@@ -14,10 +14,11 @@ from lightning.pytorch.plugins.io import TorchCheckpointIO
 from hilbertvae.checks import InputError
 from hilbertvae.files import atomic
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.training_card import many_simulated
 from hilbertvae.simulate.street_variety import VARIETIES
 from hilbertvae.training.learned_as import KEY, learned_as
 from hilbertvae.training.settings import Settings
-from hilbertvae.training.site_roles import many_simulated, own_sites
+from hilbertvae.training.site_roles import own_sites
 from hilbertvae.training.training_hash import recipe_hash, training_hash
 
 

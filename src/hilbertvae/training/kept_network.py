@@ -46,7 +46,9 @@ class KeptNetwork:
     def __init__(self, folder: str | Path, name: str):
         self.path = Path(folder) / f"{name}.safetensors"
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._seconds = self.path.with_suffix(".json")
+        self._made = self.path.with_suffix(".json")
+        self.trained_in = ""
+        """The folder of the run that trained it, whose TensorBoard has the curves; known of a network that was taken."""
         self._lock = FileLock(self.path.with_suffix(".lock"))
 
     def take(self, copy: Path) -> Reconstructor | None:
@@ -57,14 +59,15 @@ class KeptNetwork:
             return None
         self.release()
         reconstructor = Reconstructor.load(self.path)
-        if self._seconds.exists():  # one that was copied here may have come without
-            reconstructor.seconds = json.loads(self._seconds.read_text(encoding="utf-8"))
+        if self._made.exists():  # one that was copied here may have come without
+            made = json.loads(self._made.read_text(encoding="utf-8"))
+            reconstructor.seconds, self.trained_in = made["seconds"], made["trained_in"]
         copy_file(self.path, copy)
         return reconstructor
 
     def keep(self, checkpoint: Path, seconds: dict[str, float]) -> None:
-        """Fill the place with a copy of a file, atomically, and let whoever waits go on. seconds: by stage of the training."""
-        write_json(self._seconds, seconds)
+        """Fill the place with a copy of a run's file, atomically, and let whoever waits go on. seconds: by stage of the training."""
+        write_json(self._made, {"seconds": seconds, "trained_in": str(checkpoint.parent)})
         copy_file(checkpoint, self.path)  # not saved again, since the order of a safetensors file's header is not fixed
         self.release()
 

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from hilbertvae.checks import InputError
 from hilbertvae.files import files_at, path_sha256
-from hilbertvae.reconstruction.training_card import stages
+from hilbertvae.reconstruction.training_card import stages, trained_on
 from hilbertvae.reports.run_folder import OWN_FOLDERS
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.site import SIMULATED, site_name
 
-MANY = re.compile(r"(\d+) simulated [a-z ]+?(?: from (\d+) on)?")
-"""How `many_simulated` says it."""
 LARGEST_BYTES = 500_000_000
 """No site of the catalogue is as large, and to read what is would take long: it is known by its path alone."""
 
@@ -49,25 +46,14 @@ def check_roles(train: list[str], validate: str, test: list[str], calibrate: Seq
         raise InputError(f"data.test: expected another name than {', '.join(taken)} for its results, since a run has a folder of that name")
 
 
-def many_simulated(kind: str, count: int, first: int) -> str:
-    """How a network's card says that it was trained on simulated sites `first`, `first` + 1, ..., `count` of them, which are of a kind."""
-    return f"{count} simulated {kind}" + (f" from {first} on" if first else "")
-
-
 def check_unseen(sites: list[str], card: dict, key: str, network: str) -> None:
     """An `InputError` if one of `sites`, of config key `key`, is among what a network was trained on, as its card says: at a path by what
     lies there, whatever it is called now, and by the path.
 
     network: which one, for the message. The site that it was validated on may be asked: that is where choices are made."""
-    trained: set[str] = set()
     contents = {found for stage in stages(card) for found in stage.get("trained_on_sha256", {}).values()}  # older cards have none
-    simulated: list[range] = []
-    for site in (site for stage in stages(card) for site in stage.get("trained_on", [])):
-        if several := MANY.fullmatch(site):
-            first = int(several[2] or 0)
-            simulated.append(range(first, first + int(several[1])))
-        else:
-            trained.add(place(site))
+    named, simulated = trained_on(card)
+    trained = set(map(place, named))
     known = [site for site in sites if (at := place(site)) in trained or any(_number(at) in many for many in simulated)]
     found = {site: CATALOGUE[site].sha256 for site in sites if site in CATALOGUE} | (own_sites(sites) if contents else {})
     known += [site for site in sites if found.get(site) in contents and site not in known]

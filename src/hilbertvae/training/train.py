@@ -76,7 +76,8 @@ def train(settings: Settings, mappers: dict[str, Mapper] | None = None, write: W
     checkpoint = output / NETWORK
     reconstructor = kept.take(checkpoint) if kept else None
     if reconstructor:
-        print(f"{output}: its network was trained before and is kept as {kept.path}")
+        curves = f"; the curves of its training are in {kept.trained_in}" if kept.trained_in not in ("", str(output)) else ""
+        print(f"{output}: its network was trained before and is kept as {kept.path}{curves}")
         if not is_of(output, settings):
             begin_anew(output, settings)
     elif not settings.trained and (reconstructor := finished_network(output, settings)):
