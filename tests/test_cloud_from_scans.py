@@ -187,3 +187,11 @@ def test_masked_points_are_refused(room):
     masked = np.ma.masked_greater(room.scans.points, 5.0)
     with pytest.raises(InputError, match="points: expected no masked values, got"):
         cloud_from_scans(masked, room.scans.origins)
+
+
+def test_scans_of_different_lengths_as_numpy_keeps_them():
+    points = np.empty(2, object)
+    points[:] = [np.array([[1.0, 0.0], [2.0, 0.0]]), np.array([[0.0, 3.0]])]
+    origins = np.zeros((2, 2))
+    found, expected = cloud_from_scans(points, origins), cloud_from_scans(list(points), origins)
+    np.testing.assert_array_equal(found.points, expected.points)

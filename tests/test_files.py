@@ -159,3 +159,15 @@ def test_a_site_is_hashed_once_while_it_stays_as_it_is(tmp_path, monkeypatch):
     log.unlink()
     with pytest.raises(FileNotFoundError):
         path_sha256(log)
+
+
+def test_a_link_stays_one_and_what_it_leads_to_is_replaced(tmp_path):
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "disk/real.json").write_text("{}")
+    (tmp_path / "latest.json").symlink_to("disk/real.json")
+    (tmp_path / "next.json").symlink_to("disk/new.json")
+    write_json(tmp_path / "latest.json", {"a": 1})
+    write_json(tmp_path / "next.json", {"b": 2})
+    assert (tmp_path / "latest.json").is_symlink() and json_object(tmp_path / "disk/real.json") == {"a": 1}
+    assert (tmp_path / "next.json").is_symlink() and json_object(tmp_path / "disk/new.json") == {"b": 2}
+    assert sorted(path.name for path in (tmp_path / "disk").iterdir()) == ["new.json", "real.json"]

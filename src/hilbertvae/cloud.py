@@ -149,7 +149,8 @@ def cloud_from_scans(points, origins, resolution_m: float | None = None, max_ran
     """
     first = origins[0] if isinstance(origins, (list, tuple)) and len(origins) else origins
     came_as = first.dtype if isinstance(getattr(first, "dtype", None), np.dtype) else np.dtype(np.float64)
-    if not isinstance(points, (list, tuple)) and len(_shape(points)) == 3:
+    ragged = getattr(points, "dtype", None) == np.dtype(object) and len(_shape(points)) == 1  # as numpy keeps scans of different lengths
+    if ragged or (not isinstance(points, (list, tuple)) and len(_shape(points)) == 3):
         points = list(points)
     one = next((scan for scan in points if len(_shape(scan)) == 2), None) if isinstance(points, (list, tuple)) else None
     if one is not None:

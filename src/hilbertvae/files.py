@@ -22,9 +22,9 @@ TEMPORARY = re.compile(r"\..*-[0-9a-f]{8}(\.[^.]*)?")
 
 @contextmanager
 def atomic(path: str | os.PathLike) -> Iterator[Path]:
-    """A temporary path beside `path`; it replaces `path` when the block ends well and is removed when it does not. An `OSError` that names
-    no file, as of a full disk, or the temporary one, names `path`."""
-    path = Path(path)
+    """A temporary path beside `path`; it replaces `path` when the block ends well and is removed when it does not. A link stays one: what
+    it leads to is replaced. An `OSError` that names no file, as of a full disk, or the temporary one, names `path`."""
+    path = Path(os.path.realpath(path)) if os.path.islink(path) else Path(path)
     temporary = path.parent / f".{path.stem}-{secrets.token_hex(4)}{path.suffix}"
     with folder_made(path.parent):
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
@@ -125,6 +126,8 @@ def _read(settings: MapSettings) -> Scans | GivenMap:
             raise InputError(f"{given[0]}: {settings.scans} is a map, where this has no meaning; leave it unset")
         return read_given_map(settings.scans)
     path = Path(settings.scans)
+    if path.is_dir() and not os.access(path, os.R_OK | os.X_OK):
+        raise InputError(f"{path}: can't be read (no permission)")
     if path.suffix.lower() == ".safetensors" or (path / MAP).is_file():
         ways = "give the scans again, or its map_observed.yaml, .ot or .bt; load_map and partial_fit add scans to it"
         raise InputError(f"{path}: expected scans, got what hilbertvae has made; {ways}")

@@ -40,6 +40,8 @@ MOST_PIECES = 1 << 22
 """Points of a map beyond which voxels are not split, for memory's sake."""
 FINE = 2
 """Cells of a fine map along a voxel's side: most maps for robots have cells of 0.05 m."""
+AS_TYPED = 1e-5
+"""Radians: quarter turns are typed as 1.5708 and 3.14159, which would move no wall by a cell in an image of any size."""
 ON_SIDE = 1e-3
 """Of a voxel: points nearer than this to a side of the mapper's voxels are moved off it, all of a map's alike."""
 
@@ -189,7 +191,9 @@ def ros_map_header(path: str | os.PathLike) -> RosHeader:
         check_cell_m(resolution, "resolution")
     if not 0 <= free < occupied <= 1:
         raise InputError(f"{path}: expected 0 <= free_thresh < occupied_thresh <= 1, got {free} and {occupied}")
-    pose = tuple(_number(path, "origin", value) for value in origin)
+    x, y, yaw = (_number(path, "origin", value) for value in origin)
+    quarter = round(yaw / (math.pi / 2)) * math.pi / 2
+    pose = (x, y, quarter if abs(yaw - quarter) < AS_TYPED else yaw)
     return RosHeader(path, path.parent / image, resolution, pose, bool(content["negate"]), occupied, free, mode)
 
 

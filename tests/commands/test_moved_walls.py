@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from hilbertvae.commands import map as map_command
 from hilbertvae.exports.grid_npz import read_grid
+from hilbertvae.mappers.given_map import read_given_map, warn_of_moved_walls
 from hilbertvae.mapping import MapSettings, make_map
 
 FREE, WALL, UNKNOWN = 254, 0, 205
@@ -146,3 +147,17 @@ def test_the_command_says_it_and_so_does_its_help(tmp_path, capsys):
     assert "walls move by up to 0.02 m along each axis" in " ".join(capsys.readouterr().err.split())
     assert map_command.main(["--help"]) == 0
     assert "its walls move by up to half a cell" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(("typed", "quarters"), [("1.5708", 1), ("3.14159", 2), ("-1.5708", -1), ("6.28319", 4)])
+def test_quarter_turns_as_people_type_them_move_nothing(tmp_path, typed, quarters):
+    image = np.random.default_rng(0).choice(np.array([0, 254], np.uint8), (40, 60))
+    Image.fromarray(image).save(tmp_path / "map.pgm")
+    said = "image: map.pgm\nresolution: 0.1\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\norigin: [1.0, 2.0, "
+    (tmp_path / "typed.yaml").write_text(f"{said}{typed}]\n")
+    (tmp_path / "exact.yaml").write_text(f"{said}{quarters * math.pi / 2!r}]\n")
+    given = read_given_map(tmp_path / "typed.yaml")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warn_of_moved_walls("typed.yaml", given, 0.1, 0.1)
+    np.testing.assert_array_equal(given.cloud(0.1).points, read_given_map(tmp_path / "exact.yaml").cloud(0.1).points)

@@ -1,6 +1,7 @@
 """`hilbertvae-query`: what it may replace, and that coordinates come out as they went in."""
 
 import errno
+import io
 import warnings
 
 import numpy as np
@@ -193,3 +194,15 @@ def test_answers_that_can_not_be_written_leave_no_folder(tree, tmp_path, monkeyp
     assert "No space left" in capsys.readouterr().err and {*tmp_path.iterdir()} == before
     assert query.main([f"map={tree}", f"points={tmp_path / 'asked.csv'}", f"output={tmp_path / 'asked.csv' / 'said.csv'}"]) == 2
     assert "asked.csv is a file" in capsys.readouterr().err
+
+
+def test_points_are_read_from_the_standard_input(folder, tmp_path, monkeypatch, capsys):
+    (tmp_path / "asked.csv").write_text("x,y\n0.5,0.25\n-0.5,0.125\n")
+    assert query.main([f"map={folder}", f"points={tmp_path / 'asked.csv'}"]) == 0
+    expected = capsys.readouterr().out
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO((tmp_path / "asked.csv").read_bytes())))
+    assert query.main([f"map={folder}", "points=-"]) == 0
+    assert capsys.readouterr().out == expected
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"no numbers\n")))
+    assert query.main([f"map={folder}", "points=-"]) == 2
+    assert "hilbertvae-query: standard input" in capsys.readouterr().err

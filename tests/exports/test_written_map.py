@@ -14,6 +14,7 @@ from hilbertvae.exports.map_cells import MapCells
 from hilbertvae.files import write_json
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
+from hilbertvae.mappers.octomap_mapper import OctoMapMapper
 from toy_rooms import tiny_reconstructor
 
 
@@ -113,3 +114,8 @@ def test_no_file_of_an_earlier_map_stays(mapper, tmp_path):
     hilbertvae.write_map(mapper, tmp_path, exports=["npz"], resolution_m=0.2)
     assert {path.name for path in tmp_path.iterdir()} == {"notes.txt", "map.npz", "summary.json"}
     assert read_grid(tmp_path / "map.npz").resolution_m == 0.2
+
+
+def test_an_octomap_is_told_how_it_is_written(tmp_path):
+    with pytest.raises(InputError, match="expected a HilbertMap, got an OctoMap; hilbertvae-map scans=<its .ot or .bt> fill=off writes it"):
+        hilbertvae.write_map(OctoMapMapper(0.5).fit(np.zeros((2, 2)) + [[0], [1]], [0, 1]), tmp_path)

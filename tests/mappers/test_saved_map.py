@@ -213,3 +213,14 @@ def test_a_setting_that_was_changed_after_the_fit(room, tmp_path):
         assert not list(tmp_path.iterdir())
         mapper.set_params(**kept)
     np.testing.assert_array_equal(load_map(save_map(mapper, tmp_path / "site.map")).predict_proba(queries), before[0])
+
+
+def test_a_map_that_may_not_be_read_is_told_as_that(tmp_path, room, monkeypatch):
+    path = save_map(fit(HilbertMap(grid=tiny_grid()), room.fit), tmp_path / "site.map")
+
+    def forbidden(self, *_):
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr("pathlib.Path.open", forbidden)
+    with pytest.raises(InputError, match="site.map: can't be read \\(Permission denied\\)$"):
+        load_map(path)

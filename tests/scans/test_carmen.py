@@ -1,5 +1,7 @@
 import gzip
 import math
+import os
+import threading
 import warnings
 
 import numpy as np
@@ -262,3 +264,14 @@ def test_a_packed_line_without_end_is_refused_before_it_fills_the_memory(tmp_pat
     path.write_bytes(gzip.compress(bytes(1 << 22)))
     with pytest.raises(InputError, match="zeros.log.gz, line 1: expected a CARMEN log, got a line of more than"):
         read_carmen(path)
+
+
+def test_a_log_is_read_from_a_pipe(tmp_path):
+    """Which can't be opened twice."""
+    lines = "\n".join(carmen_line(np.full(180, 3.0), (x, 0, 0)) for x in (0.0, 0.5)) + "\n"
+    for name, content in (("plain.log", lines.encode()), ("packed.log.gz", gzip.compress(lines.encode()))):
+        os.mkfifo(tmp_path / name)
+        writer = threading.Thread(target=(tmp_path / name).write_bytes, args=(content,))
+        writer.start()
+        assert read_carmen(tmp_path / name).scan.max() == 1
+        writer.join()

@@ -154,3 +154,10 @@ def test_text_is_read_as_it_stands_whatever_size_the_header_gives(tmp_path):
     """A northing in four bytes is off by up to a quarter of a metre."""
     path = write(tmp_path, b"412345.678 5400000.456 1.5\n412345.679 5400000.457 1.5\n")
     np.testing.assert_array_equal(read_pcd(path).points, [[412345.678, 5400000.456, 1.5], [412345.679, 5400000.457, 1.5]])
+
+
+@ENCODINGS
+def test_fields_in_capitals(tmp_path, encoding):
+    path = write_pcd(tmp_path / "a.pcd", POINTS, encoding)
+    path.write_bytes(path.read_bytes().replace(b"FIELDS x y z", b"FIELDS X Y Z"))
+    np.testing.assert_allclose(read_pcd(path).points, POINTS, rtol=0, atol=WRITTEN_M[encoding])

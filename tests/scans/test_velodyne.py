@@ -154,3 +154,12 @@ def test_real_scans_are_told_from_what_was_written_wrongly(tmp_path, real_scans)
             wrong.tofile(tmp_path / path.name)
             with pytest.raises(InputError, match=message):
                 read_velodyne(tmp_path / path.name)
+
+
+@pytest.mark.parametrize("width", [3, 4, 6])
+def test_another_number_a_return_under_nuscenes_name(tmp_path, width):
+    """In so many bytes that they could be returns of five."""
+    rows = np.column_stack([street(1000)[:, :3], np.full((1000, 3), 0.3)])[:, :width]
+    rows.astype("<f4").tofile(tmp_path / "a.pcd.bin")
+    with pytest.raises(InputError, match="a.pcd.bin: expected 5 numbers a return .*; the fifth are no rings: name it .bin if it has 4"):
+        read_velodyne(tmp_path / "a.pcd.bin")

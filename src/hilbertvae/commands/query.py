@@ -6,6 +6,7 @@ import sys
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,7 +32,8 @@ class QuerySettings:
     map: str = ""
     """A `map.safetensors`, or the folder that has it; or an OctoMap `.ot` or `.bt`."""
     points: str = ""
-    """A file of points in metres in the map's frame: text, .npz, or a cloud in a format that scans may have."""
+    """A file of points in metres in the map's frame: text, .npz, or a cloud in a format that scans may have; `-` is text from the standard
+    input."""
     output: str | None = None
     """A .csv, or a .npz; unless given, text goes to the standard output. It has the coordinates and the answers, and no other columns
     of the points, so neither they nor a file of a map are replaced."""
@@ -54,7 +56,7 @@ def run(settings: QuerySettings) -> None:
         check_writable(Path(settings.output).parent)
         _check_replaced(Path(settings.output), Path(settings.points), map_file)
     mapper = load_map(map_file)
-    points = read_points(settings.points).points
+    points = _standard_input() if settings.points == "-" else read_points(settings.points).points
     placed = np.isfinite(points).all(axis=1)  # an organised cloud has rows without
     warn_if_rounded(points[placed], settings.points, came_as=np.float64)  # a few may have been typed, with the digits that were meant
     if points.shape[1] == 3 and mapper.n_features_in_ == 2 and np.ptp(points[placed, 2]) < FLAT_M:
@@ -83,6 +85,19 @@ def run(settings: QuerySettings) -> None:
             np.savetxt(temporary, table, shape, ",", header=",".join(names), comments="")
     else:
         np.savetxt(sys.stdout, table, shape, ",", header=",".join(names), comments="")
+
+
+def _standard_input() -> np.ndarray:
+    """Points as text, (N, D); readers want a file, in which they can go back."""
+    if sys.stdin is None:
+        raise InputError("points: expected text on the standard input, which is closed")
+    with TemporaryDirectory() as folder:
+        copy = Path(folder) / "points.txt"
+        copy.write_bytes(sys.stdin.buffer.read())
+        try:
+            return read_points(copy).points
+        except InputError as error:
+            raise InputError(str(error).replace(str(copy), "standard input")) from error
 
 
 def _warn_if_off(name: str, points: np.ndarray, mapper: HilbertMap | OctoMapMapper) -> None:

@@ -13,6 +13,7 @@ from hilbertvae.exports.map_folder import SUMMARY, check_replaced, listed_files,
 from hilbertvae.exports.summary import map_summary, point_counts
 from hilbertvae.files import write_json
 from hilbertvae.mappers.hilbert_map import HilbertMap
+from hilbertvae.mappers.octomap_mapper import OctoMapMapper
 from hilbertvae.mappers.saved_map import MAP
 from hilbertvae.mappers.turns import turn_of
 from hilbertvae.reports.provenance import made_by
@@ -30,6 +31,8 @@ def write_map(
     Raises `InputError` for another kind of mapper, finer cells, formats that don't suit, a file that another has left under such a name,
     and a folder that `hilbertvae-map` has written, whose files belong together.
     """
+    if isinstance(mapper, OctoMapMapper):
+        raise InputError("mapper: expected a HilbertMap, got an OctoMap; hilbertvae-map scans=<its .ot or .bt> fill=off writes it")
     if not isinstance(mapper, HilbertMap) or not hasattr(mapper, "evidence_"):
         raise InputError(f"mapper: expected a fitted map, as of load_mapper or load_map, got {mapper!r:.80}")
     if not isinstance(folder, str | os.PathLike) or not str(folder):

@@ -122,6 +122,10 @@ def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = Non
     if path.suffix.lower() in OCTREES:
         return read_octree(path)
     try:
+        path.open("rb").close()  # of a file that may not be read safetensors says that it is not there
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror})") from error
+    try:
         with safe_open(path, framework="np") as file:
             metadata = file.metadata() or {}
             found = str(metadata.get("format"))

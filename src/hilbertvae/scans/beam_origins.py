@@ -43,11 +43,12 @@ BEAM_ORIGINS: dict[str, BeamOrigins] = {
 
 
 def find_beam_origins(choice: str | Sequence[float]) -> BeamOrigins:
-    """The rule of a name, or one place from three numbers, metres, as a sequence or as text such as '0, 0, 0.2'."""
+    """The rule of a name, or one place from three numbers, metres, as a sequence or as text such as '[0, 0, 0.2]' or '0, 0, 0.2'."""
     if isinstance(choice, str) and choice in BEAM_ORIGINS:
         return BEAM_ORIGINS[choice]
     try:
-        place = tuple(float(number) for number in (choice.split(",") if isinstance(choice, str) else choice))
+        numbers = choice.strip().removeprefix("[").removesuffix("]").split(",") if isinstance(choice, str) else choice
+        place = tuple(map(float, numbers))
     except (TypeError, ValueError):
         place = ()
     if len(place) != 3 or not np.isfinite(place).all():

@@ -93,9 +93,8 @@ def read_carmen(
 def _lines(path: Path):
     """Numbered raw lines of a plain or gzipped file."""
     try:
-        with open(path, "rb") as raw:
-            packed = raw.read(2) == b"\x1f\x8b"
-        with gzip.open(path, "rb") if packed else open(path, "rb") as file:
+        with open(path, "rb") as raw:  # once: a pipe can't be opened again
+            file = gzip.GzipFile(fileobj=raw) if raw.peek(2)[:2] == b"\x1f\x8b" else raw
             for number, line in enumerate(iter(lambda: file.readline(MAX_LINE + 1), b""), start=1):
                 if len(line) > MAX_LINE:  # a packed file of a megabyte can hold a line of a gigabyte
                     raise InputError(f"{path}, line {number}: expected a CARMEN log, got a line of more than {MAX_LINE} bytes")

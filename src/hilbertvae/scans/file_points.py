@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -75,3 +75,8 @@ def check_reading(min_range_m: float, max_range_m: float, every: int) -> None:
         raise InputError(f"reading.max_range_m: expected more than min_range_m, which is 0 or more, got {max_range_m} and {min_range_m}")
     if int(every) != every or every < 1:
         raise InputError(f"reading.every: expected a whole number from 1, got {every}")
+
+
+def axis_names(names: Sequence[str]) -> list[str]:
+    """What x, y and z are called among a file's names, in small letters or capitals; those that are there."""
+    return [name for axis in "xyz" for name in (axis, axis.upper()) if name in names and (name == axis or axis not in names)]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError, extra_module
-from hilbertvae.scans.file_points import FilePoints, check_expansion, check_fits, reading
+from hilbertvae.scans.file_points import FilePoints, axis_names, check_expansion, check_fits, reading
 from hilbertvae.scans.point_text import number_table
 
 MAX_VALUES = 1024
@@ -116,8 +116,9 @@ def _check(path: Path, file, header) -> list[str]:
         raise InputError(f"{path}: expected at most {MAX_VALUES} numbers a point, the header claims {sum(header.count)}")
     if header.points != header.width * header.height:
         raise InputError(f"{path}: POINTS is {header.points}, WIDTH times HEIGHT {header.width * header.height}")
-    single = {field for field, count in zip(header.fields, header.count, strict=True) if count == 1}
-    if not {"x", "y"} <= single:
+    single = [field for field, count in zip(header.fields, header.count, strict=True) if count == 1]
+    axes = axis_names(single)
+    if [axis.lower() for axis in axes[:2]] != ["x", "y"]:
         raise InputError(f"{path}: expected fields x, y (and z), the header has {' '.join(header.fields)[:60]}")
     unpacked, there = header.points * header.build_dtype().itemsize, os.fstat(file.fileno()).st_size - file.tell()
     kind = header.data.value
@@ -132,7 +133,7 @@ def _check(path: Path, file, header) -> list[str]:
         if claimed != unpacked:
             raise InputError(f"{path}: the header's points take {unpacked} bytes, the packed ones claim {claimed}")
         check_expansion(path, "the packed points", unpacked, packed)
-    return [name for name in "xyz" if name in single]
+    return axes
 
 
 def _given_origin(path: Path, header, names: list[str]) -> np.ndarray | None:

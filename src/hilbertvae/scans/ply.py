@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from hilbertvae.checks import InputError
-from hilbertvae.scans.file_points import FilePoints, check_fits, reading
+from hilbertvae.scans.file_points import FilePoints, axis_names, check_fits, reading
 from hilbertvae.scans.point_text import number_table
 
 MAX_HEADER = 65536
@@ -61,9 +61,7 @@ def read_ply(path: str | os.PathLike) -> FilePoints:
 
 
 def _axes(vertex: _Element) -> list[str]:
-    """What x, y and z are called, in small letters or capitals; those that are there."""
-    names = [name for name, _ in vertex.properties]
-    return [name for axis in "xyz" for name in (axis, axis.upper()) if name in names and (name == axis or axis not in names)]
+    return axis_names([name for name, _ in vertex.properties])
 
 
 def _binary(path, file, order, elements, before, vertex, there) -> np.ndarray:

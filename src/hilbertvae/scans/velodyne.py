@@ -56,6 +56,8 @@ def read_velodyne(path: str | os.PathLike) -> FilePoints:
         if _is_transposed(values, numbers):
             wanted = f"expected {names} return by return, an array (N, {numbers})"
             raise InputError(f"{path}: {wanted}; it looks like all x, then all y, as ({numbers}, N): write its transpose")
+        if numbers == 5 and not _counts_rings(values.reshape(-1, 5)[:, 4]):
+            raise InputError(f"{path}: expected 5 numbers a return ({names}); the fifth are no rings: name it .bin if it has 4 a return")
         return FilePoints(values.reshape(-1, numbers)[:, :3].astype(np.float64))
 
 
@@ -94,9 +96,13 @@ def _is_transposed(values: np.ndarray, width: int) -> bool:
 def _has_rings(rows: np.ndarray) -> bool:
     """Whether the last column of `rows (N, 5)` counts lasers: whole numbers, several of them, and not because all numbers are whole."""
     rings = rows[:, 4]
-    if not ((rings >= 0) & (rings < MOST_RINGS) & (rings == np.floor(rings))).all():
+    if not _counts_rings(rings):
         return False
     return bool((rings != rings[0]).any() and (rows[:, :4] != np.floor(rows[:, :4])).any())
+
+
+def _counts_rings(rings: np.ndarray) -> bool:
+    return bool(((rings >= 0) & (rings < MOST_RINGS) & (rings == np.floor(rings))).all())
 
 
 def _plainly_other_width(values: np.ndarray) -> int | None:
