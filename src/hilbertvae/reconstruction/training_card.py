@@ -6,7 +6,7 @@ LEARNED_AS = "learned_as"
 """In a card: how the sites were made or read, and with which gap seeds its map's weights were learned; those that are older have none."""
 OLDER = {"calibration_given": "scans"}
 """What of `LEARNED_AS` older cards lack, and how it was then."""
-OLDER_SITES = {"simulated_variety": "usual", "reading": {}}
+OLDER_SITES = {"simulated_variety": "usual"}
 """The same of its `data`."""
 ANEW = "weights_learned_anew"
 """In the card of a network in a run's memory: whether the run learned other map's weights for it, with seeds of its own."""
