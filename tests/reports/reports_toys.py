@@ -43,5 +43,5 @@ def result(mappers=("cvae-hm", "nearest"), seeds=(0, 1, 2), dimension=2):
         seconds={name: {"fit": [1.0] * len(seeds)} for name in mappers},
         gaps=[{"seed": seed, "centres": [[1.0 + seed, 2.0]], "radius_m": [1.25]} for seed in seeds],
         curves=curves,
-        protocol={"gap_ratio": 0.5, "gap_seeds": list(seeds)},
+        protocol={"gap_ratio": 0.5, "gap_seeds": list(seeds), "rim": True, "centred": False},
     )

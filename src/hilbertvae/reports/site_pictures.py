@@ -80,7 +80,7 @@ def _squared_extent(codes: np.ndarray, extent):
 def gaps_of(result: Result, site: Site, seed: int) -> Gaps:
     """The gaps that a `Result` was scored on with this gap seed."""
     ball = next(ball for ball in result.gaps if ball["seed"] == seed)
-    return Gaps(np.array(ball["centres"]), np.array(ball["radius_m"]), site.resolution_m, rim=result.protocol.get("rim", True))
+    return Gaps(np.array(ball["centres"]), np.array(ball["radius_m"]), site.resolution_m, rim=result.protocol["rim"])
 
 
 @dataclass(frozen=True)
