@@ -8,7 +8,7 @@ from reports_toys import result
 from hilbertvae.drawing.canvas import pixels, save_picture
 from hilbertvae.gaps import Gaps
 from hilbertvae.mappers.nearest import NearestMapper
-from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
+from hilbertvae.reports.site_pictures import ZOOMED, SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
 from toy_places import room
 
 
@@ -35,7 +35,7 @@ def test_what_mappers_are_given_has_gaps_and_the_truth_has_not(maps):
 
 
 def test_site_map_outlines_every_gap_in_every_panel(maps):
-    figure = site_map_picture(maps, zooms=2)
+    figure = site_map_picture(maps)
     panels = [axes for axes in figure.axes if axes.get_title(loc="left")]
     assert [axes.get_title(loc="left") for axes in panels][0] == "room, before"
     assert [axes.get_title(loc="left") for axes in panels][2:] == ["nearest", "nearest-15"]
@@ -49,8 +49,8 @@ def test_site_map_outlines_every_gap_in_every_panel(maps):
 
 
 def test_zooms_stand_around_their_gaps(maps):
-    figure = gap_zoom_picture(maps, zooms=2)
-    chosen = maps.telling(2)
+    figure = gap_zoom_picture(maps)
+    chosen = maps.telling(ZOOMED)
     panels = [axes for axes in figure.axes if axes.images and circles(axes)]
     assert len(panels) == 3 * len(chosen)
     for axes, gap in zip(panels, chosen * 3, strict=True):
@@ -95,7 +95,7 @@ def test_gaps_of_a_result_and_a_saved_picture(maps, tmp_path):
     gaps = gaps_of(result(), room(), seed=2)
     assert gaps.centres.tolist() == [[3.0, 2.0]] and gaps.radius_m.tolist() == [1.25] and gaps.resolution_m == 0.1
     path = tmp_path / "new" / "zoom.png"
-    save_picture(gap_zoom_picture(maps, 1), path)
+    save_picture(gap_zoom_picture(maps), path)
     assert path.read_bytes().startswith(b"\x89PNG")
     assert [file.name for file in path.parent.iterdir()] == ["zoom.png"]
 
