@@ -10,11 +10,11 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.file_points import reading
 from hilbertvae.scans.headings import warn_of_degrees
-from hilbertvae.scans.quaternions import rotation_matrices
 from hilbertvae.scans.rounded import warn_of_few_digits
 
 RIGID = 1e-3
@@ -132,7 +132,7 @@ def _from_quaternion(where: str, values: np.ndarray) -> np.ndarray:
     length = math.hypot(*values[4:])
     if abs(length - 1) > RIGID:
         raise InputError(f"{where}: expected a rigid motion, the quaternion has length {length:.6g}")
-    return np.column_stack([rotation_matrices(values[4:] / length), values[1:4]])
+    return np.column_stack([Rotation.from_quat(values[4:]).as_matrix(), values[1:4]])
 
 
 def _upside_down(quaternions: np.ndarray) -> int:
