@@ -78,16 +78,21 @@ def read_carmen(
         raise InputError(f"{path}: expected a CARMEN log with FLASER or ROBOTLASER1 lines, found none")
     unit.warn(path)
     clipped.warn(path)
-    if passed and abs(passed - seen) > 1:  # else each sweep is there as both
-        chosen, other = (name.decode() for name in (chosen_kind, next(name for name in MESSAGES if name != chosen_kind)))
-        warnings.warn(f"{path}: read are its {seen} {chosen} messages alone, and not {passed} {other} ones", stacklevel=3)
+    _warn_of_messages(path, chosen_kind, seen, passed, strange)
     warn_of_few_digits(np.array(places), path)
-    if strange:
-        counts = ", ".join(f"{count} beams taken to be {beam_step_deg(count):g} degrees apart" for count in sorted(strange)[:3])
-        warnings.warn(f"{path}: {counts}, a guess, since this reader knows no laser of so many; set reading.beam_step_deg", stacklevel=3)
     if not sum(map(len, points)):
         raise InputError(f"{path}: expected ranges of {min_range_m} to {max_range_m} m, found none in {seen} scans{unit.hint(max_range_m)}")
     return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam), unit.left_out)
+
+
+def _warn_of_messages(path: Path, kind: bytes, seen: int, passed: int, strange: set[int]) -> None:
+    """Where sweeps of the other kind than the one that was read were `passed`, and where beams are of a number that no known laser has."""
+    if passed and abs(passed - seen) > 1:  # else each sweep is there as both
+        chosen, other = (name.decode() for name in (kind, next(name for name in MESSAGES if name != kind)))
+        warnings.warn(f"{path}: read are its {seen} {chosen} messages alone, and not {passed} {other} ones", stacklevel=4)
+    if strange:
+        counts = ", ".join(f"{count} beams taken to be {beam_step_deg(count):g} degrees apart" for count in sorted(strange)[:3])
+        warnings.warn(f"{path}: {counts}, a guess, since this reader knows no laser of so many; set reading.beam_step_deg", stacklevel=4)
 
 
 def _lines(path: Path):
