@@ -25,7 +25,7 @@ def scores_of(values, **others):
     return found
 
 
-def put(folder, job, mappers, case=None, seed=None, config=None, about=None, site="hall", dimension=2, protocol=None, maps=None, **parts):
+def put(folder, job, mappers, case=None, seed=None, config=None, about=None, site="hall", dimension=2, protocol=None, **parts):
     """Write FOLDER/job/result.json. mappers: by name, values per gap seed, or what `scores_of` gives. parts: fields of the `Result`."""
     name = job.split("/")[0]
     scores = {mapper: values if isinstance(values, dict) else scores_of(values) for mapper, values in mappers.items()}
@@ -46,14 +46,11 @@ def put(folder, job, mappers, case=None, seed=None, config=None, about=None, sit
         "config": merged(settings, config or {}),
         "git": {"commit": "a" * 40, "dirty": False},
         "packages": {"hilbertvae": "0.1.0", "numpy": "2.0"},
-        "host": {"cpu": "an abacus", "threads": 1},
+        "host": {"cpu": "an abacus", "threads": 1, "numbers": "float32"},
         "data": {"hall": "00ff"},
         "stage_seconds": {"train": 90.0, "grids": 20.0},
     } | (about or {})
-    path = write_result(Path(folder) / job / "result.json", result, made)
-    if maps:
-        change(path, lambda content: content.update(maps=maps))
-    return path
+    return write_result(Path(folder) / job / "result.json", result, made)
 
 
 def change(path, how):

@@ -23,7 +23,7 @@ from hilbertvae.scans.beam_lengths import (
 )
 from hilbertvae.scans.rounded import warn_if_rounded
 from hilbertvae.scans.scan import Scans
-from hilbertvae.voxel_votes import VoxelVotes, voxel_index, voxel_votes
+from hilbertvae.voxel_votes import VoxelVotes, distinct_voxels, voxel_index, voxel_votes
 
 RESOLUTION_M = {2: 0.1, 3: 0.2}
 """The map's cell, by dimension."""
@@ -76,7 +76,7 @@ def placed_as(cloud: Cloud, other: Cloud, resolution_m: float) -> Cloud:
     """
     if not len(cloud) or not len(other):
         return cloud
-    _, voxel = _voxels(np.concatenate([other.points, cloud.points]), resolution_m)
+    _, voxel = distinct_voxels(voxel_index(np.concatenate([other.points, cloud.points]), resolution_m))
     theirs, mine = voxel[: len(other)], voxel[len(other) :]
     place = np.full((2, len(voxel)), -1)  # by label and voxel
     place[other.occupied.astype(int), theirs] = np.arange(len(other))
@@ -86,20 +86,11 @@ def placed_as(cloud: Cloud, other: Cloud, resolution_m: float) -> Cloud:
     return Cloud(points, cloud.occupied, cloud.weight)
 
 
-def _voxels(points: np.ndarray, resolution_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """(V, D) int64 the voxels that the points lie in, and (N,) which of them each lies in."""
-    index = voxel_index(points, resolution_m)
-    first = index.min(axis=0)
-    shape = tuple(index.max(axis=0) - first + 1)
-    keys, voxel = np.unique(np.ravel_multi_index(tuple((index - first).T), shape), return_inverse=True)
-    return np.stack(np.unravel_index(keys, shape), axis=1) + first, voxel
-
-
 def labelled_voxels(cloud: Cloud, resolution_m: float) -> Cloud:
     """`voxel_cloud` of a `fit_cloud`: what a map of it would say."""
     if not len(cloud):
         return cloud
-    index, voxel = _voxels(cloud.points, resolution_m)
+    index, voxel = distinct_voxels(voxel_index(cloud.points, resolution_m))
     hits, frees = (np.bincount(voxel, np.where(cloud.occupied == label, cloud.weight, 0.0), len(index)) for label in (True, False))
     return _voted(index, hits, frees, resolution_m)
 

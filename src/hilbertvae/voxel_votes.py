@@ -48,6 +48,14 @@ def voxel_index(points: np.ndarray | float, resolution_m: float) -> np.ndarray:
         return voxel_floor(points / resolution_m).astype(np.int64)
 
 
+def distinct_voxels(index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(V, D) int64 the different ones of the voxels `index (N, D)`, in order, and (N,) which of them each is."""
+    first = index.min(axis=0)
+    shape = tuple(index.max(axis=0) - first + 1)
+    keys, which = np.unique(np.ravel_multi_index(tuple((index - first).T), shape), return_inverse=True)
+    return np.stack(np.unravel_index(keys, shape), axis=1) + first, which
+
+
 def inside_voxels(points: np.ndarray, resolution_m: float, index: np.ndarray) -> np.ndarray:
     """(N, D) the points, each off the sides of its voxel `index (N, D)` by `MARGIN`."""
     return np.clip(points, (index + MARGIN) * resolution_m, (index + (1 - MARGIN)) * resolution_m)
@@ -66,18 +74,14 @@ class VoxelVotes:
 
     def merged(self, other: VoxelVotes) -> VoxelVotes:
         """The votes of both, as if their beams had been sampled together."""
-        both = np.concatenate([self.index, other.index])
-        first = both.min(axis=0)
-        shape = tuple(both.max(axis=0) - first + 1)
-        keys, position = np.unique(np.ravel_multi_index(tuple((both - first).T), shape), return_inverse=True)
-        index = np.stack(np.unravel_index(keys, shape), axis=1) + first
-        corner = first * self.resolution_m
+        index, position = distinct_voxels(np.concatenate([self.index, other.index]))
+        corner = index.min(axis=0) * self.resolution_m
         counts, means = [], []
         for count, mean in (("hits", "hit_mean"), ("frees", "free_mean")):
             weight = np.concatenate([getattr(self, count), getattr(other, count)])
             local = np.concatenate([getattr(self, mean), getattr(other, mean)]) - corner
-            counts.append(np.bincount(position, weights=weight, minlength=len(keys)))
-            sums = sums_by(position, local, len(keys), weight)
+            counts.append(np.bincount(position, weights=weight, minlength=len(index)))
+            sums = sums_by(position, local, len(index), weight)
             means.append(_means(counts[-1], sums, corner, index, self.resolution_m))
         return VoxelVotes(index, *counts, *means, self.resolution_m)
 

@@ -6,7 +6,7 @@ import pytest
 
 from hilbertvae.checks import InputError
 from hilbertvae.clusters.ask_means import ask_means
-from hilbertvae.clusters.comparison import StudySettings, compare_start, matching_threshold, study, study_clouds, uniform_squares
+from hilbertvae.clusters.comparison import StudySettings, matching_threshold, study, study_clouds, uniform_squares
 from hilbertvae.clusters.lloyd import lloyd
 from hilbertvae.clusters.starts import STARTS, quick_means_seeds
 
@@ -25,8 +25,8 @@ def test_a_row_for_every_size_and_seed_that_json_can_hold(rows):
         assert [(row["start"], row["points"], row["seed"]) for row in found] == [(start, n, s) for n in (300, 600) for s in (0, 4)]
         assert json.loads(json.dumps(found)) == found
         for row in found:
-            assert set(row) == {"start", "points", "seed", "seconds", "clusters", "radius_m", "potentials_m2"}
-            assert row["seconds"] > 0 and row["radius_m"] > 0 and len(row["potentials_m2"]) == 4
+            assert set(row) == {"start", "points", "seed", "seconds", "clusters", "potentials_m2"}
+            assert row["seconds"] > 0 and len(row["potentials_m2"]) == 4
             assert row["potentials_m2"] == sorted(row["potentials_m2"], reverse=True)
 
 
@@ -43,7 +43,8 @@ def test_all_starts_get_the_same_cloud_and_seeds_that_are_careful_do_better(rows
 
 def test_rows_are_what_its_parts_give(room):
     points = np.unique(room.scans.points, axis=0)
-    row = compare_start("quick_means", points, [len(points)], [3], 1.0, 2)[0]
+    settings = StudySettings(sizes=[len(points)], seeds=[3], lloyd_iterations=2)
+    row = study("quick_means", settings, study_clouds(settings, points))[0]
     cloud = points[np.random.default_rng([len(points), 3]).choice(len(points), len(points), replace=False)]
     seeds = quick_means_seeds(cloud, 1.0, 3)
     assert row["clusters"] == len(seeds) and row["potentials_m2"] == lloyd(cloud, seeds, 2)[1]
@@ -115,10 +116,8 @@ def test_settings_that_make_no_study_are_named(change, message):
 
 def test_what_cannot_be_compared_is_named_at_once():
     with pytest.raises(InputError, match="start: expected one of quick_means.*got 'forgy'"):
-        compare_start("forgy", np.ones((9, 2)), [3], [0], 1.0, 1)
-    with pytest.raises(InputError, match="sizes: expected a whole number from 1 to 9, got 10"):
-        compare_start("random", np.ones((9, 2)), [3, 10], [0], 1.0, 1)
+        study("forgy", TINY, uniform_squares(12.5))
     with pytest.raises(InputError, match="returns: expected points of a site for study.cloud=returns, got none"):
         study_clouds(StudySettings())
-    with pytest.raises(InputError, match="sizes: expected a whole number from 1 to 9"):
+    with pytest.raises(InputError, match="sizes: expected a whole number from 1 to 9, got 20000"):
         study_clouds(StudySettings(), np.ones((9, 2)))

@@ -5,9 +5,7 @@ from composed_settings import key_of, settings_of
 from warm_start import train
 
 from hilbertvae.checks import InputError
-from hilbertvae.commands.overrides import COUNTED, refuse_idle
-from hilbertvae.reconstruction.blocks import ENCODINGS, is_detailed
-from hilbertvae.reconstruction.settings import PaperNetworkSettings
+from hilbertvae.commands.overrides import refuse_idle
 
 
 @pytest.mark.parametrize(("words", "makes_idle", "why"), [
@@ -27,11 +25,6 @@ def test_settings_that_another_one_makes_idle_are_not_typed(words, makes_idle, w
             refuse_idle(settings_of(*makes_idle), ["name=again", word])
         refuse_idle(settings_of(), ["name=again", word])
         refuse_idle(settings_of(*makes_idle, word), ["name=again", "experiment=faithful"])
-
-
-@pytest.mark.parametrize("encoding", ENCODINGS)
-def test_which_encodings_count_is_told_without_torch(encoding):
-    assert (encoding in COUNTED) == is_detailed(PaperNetworkSettings(encoding=encoding))
 
 
 @pytest.mark.parametrize(("many", "said"), [

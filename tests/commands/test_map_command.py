@@ -175,7 +175,7 @@ def test_a_map_whose_network_learned_grows_with_what_lies_beside_it(room, tmp_pa
 def test_the_calibration_is_the_user_s(room, tmp_path):
     scans, network = npz_of(room, tmp_path / "room.npz"), tiny_reconstructor()
     for reading, constant in (("voxels", -1.0), ("points", 1.0)):
-        network.map_weights[reading] = RankWeights(np.append(np.full(5, 0.1), constant), np.full(15, 0.1), np.full(6, 0.1)).plain()
+        network.map_weights[reading] = RankWeights(np.append(np.full(5, 0.1), constant), np.full(18, 0.1), np.full(6, 0.1)).plain()
     weights, filled = str(network.save(tmp_path / "learned.safetensors")), {}
     for reading in ("voxels", "points"):
         settings = MapSettings(scans=str(scans), output=str(tmp_path / reading), weights=weights, calibration=reading, exports=["npz"])

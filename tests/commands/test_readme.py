@@ -125,7 +125,7 @@ COLUMNS = (
 
 def score_lines() -> list[str]:
     """The README's table, from the result files."""
-    older = {"rim": True, "given": "scans"}  # what older results do not name
+    older = {"given": "scans"}  # what older results do not name
     lines = [
         "| | observed beams, points: F1 | gaps, points: F1 | best F1 | AUC | gaps, voxels: AUC | best F1 | behind things, voxels: AUC |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",

@@ -93,17 +93,18 @@ def test_observed_is_near_occupied_points_only():
 def test_nothing_occupied_is_an_empty_surface(tmp_path):
     surface = surface_near(lambda q: np.full(len(q), 0.5), cloud(np.zeros((1, 3))), 0.2)
     assert len(surface) == 0 and surface.faces.shape == (0, 3) and surface.vertices.shape == (0, 3)
-    assert write_ply(tmp_path / "empty.ply", surface, np.empty((0, 3))).read_bytes().startswith(b"ply")
+    assert write_ply(tmp_path / "empty.ply", surface, np.empty((0, 3), np.uint8)).read_bytes().startswith(b"ply")
 
 
 def test_ply_is_read_back(tmp_path):
     vertices = np.array([[500_000.001, 4_500_000.002, 10.0], [500_001.001, 4_500_000.002, 10.0], [500_000.001, 4_500_001.002, 10.003]])
     surface = Surface(vertices, np.array([[0, 1, 2]]), np.array([0.7, 0.8, 0.9]), np.array([True, False, True]))
-    path = write_ply(tmp_path / "new" / "map.ply", surface, np.array([[1, 0, 0], [0, 1, 0], [0, 0, 0.5]]))
+    colours = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 128]], np.uint8)
+    path = write_ply(tmp_path / "new" / "map.ply", surface, colours)
     mesh = trimesh.load(path, process=False)
     np.testing.assert_array_equal(mesh.vertices, vertices)
     np.testing.assert_array_equal(mesh.faces, [[0, 1, 2]])
-    np.testing.assert_array_equal(mesh.visual.vertex_colors[:, :3], [[255, 0, 0], [0, 255, 0], [0, 0, 128]])
+    np.testing.assert_array_equal(mesh.visual.vertex_colors[:, :3], colours)
     raw = mesh.metadata["_ply_raw"]["vertex"]["data"]
     np.testing.assert_allclose(np.ravel(raw["probability"]), [0.7, 0.8, 0.9], rtol=1e-6)
     np.testing.assert_array_equal(np.ravel(raw["observed"]), [1, 0, 1])

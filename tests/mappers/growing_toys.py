@@ -26,7 +26,7 @@ def streamed(mapper, parts, **how):
 def network(dimension, **settings):
     made = tiny_reconstructor(dimension, **settings)
     rng = np.random.default_rng(0)
-    drawn = rng.uniform(0.1, 1, 6), rng.uniform(-0.3, 0.3, 15), rng.uniform(0.1, 1, 6)
+    drawn = rng.uniform(0.1, 1, 6), rng.uniform(-0.3, 0.3, 18), rng.uniform(0.1, 1, 6)
     made.map_weights = {"voxels": RankWeights(*drawn, spread=-0.7).plain()}
     return made
 

@@ -20,8 +20,9 @@ def test_rows_on_demand_fit_as_the_whole_matrix(kind):
     points, occupied = cloud(300)
     features = FourierFeatures(points.mean(axis=0), 40, 4.0, 0) if kind is FourierFeatures else NystroemFeatures(points, 40, 4.0, 0)
     whole = csr_array((features(points) @ np.eye(40, dtype=features(points).dtype)).astype(float))
-    expected, intercept = fit_logistic(whole, occupied, np.ones(300), penalty=1e-3, batch_size=64)
-    found, found_intercept = fit_logistic(RowsOnDemand(features, points), occupied, np.ones(300), penalty=1e-3, batch_size=64)
+    how = {"penalty": 1e-3, "l1_share": 0.15, "epochs": 10, "batch_size": 64, "rate": 5.0, "seed": 0}
+    expected, intercept = fit_logistic(whole, occupied, np.ones(300), **how)
+    found, found_intercept = fit_logistic(RowsOnDemand(features, points), occupied, np.ones(300), **how)
     np.testing.assert_allclose(found, expected, atol=0.02)
     assert found_intercept == pytest.approx(intercept, abs=1e-3)
 

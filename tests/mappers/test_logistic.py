@@ -10,6 +10,13 @@ from hilbertvae.mappers.fixed_grid import FixedGridMapper
 from hilbertvae.mappers.lard import LardMapper
 from hilbertvae.mappers.logistic import INTERCEPT_PACE, balanced_weight, fit_logistic
 
+USUAL = {"penalty": 0.0, "l1_share": 0.15, "epochs": 10, "batch_size": 1024, "rate": 5.0, "seed": 0}
+
+
+def fitted(features, occupied, weight, **changed):
+    """`fit_logistic`, with usual settings but for those given."""
+    return fit_logistic(features, occupied, weight, **(USUAL | changed))
+
 
 def problem(count=400, columns=6, seed=0):
     """Sparse features, noisy labels and weights with one optimum."""
@@ -30,7 +37,7 @@ def loss(features, occupied, weight, weights, intercept, penalty, l1_share):
 @pytest.mark.parametrize(("batch_size", "epochs"), [(16, 300), (1000, 5000)])
 def test_reaches_the_optimum_without_a_regulariser(batch_size, epochs):
     features, occupied, weight = problem()
-    weights, intercept = fit_logistic(csr_array(features), occupied, weight, epochs=epochs, batch_size=batch_size)
+    weights, intercept = fitted(csr_array(features), occupied, weight, epochs=epochs, batch_size=batch_size)
     best = minimize(lambda v: loss(features, occupied, weight, v[:-1], v[-1], 0.0, 0.0), np.zeros(7), method="BFGS")
     assert loss(features, occupied, weight, weights, intercept, 0.0, 0.0) < best.fun + 2e-3
     np.testing.assert_allclose(weights, best.x[:-1], atol=0.4)
@@ -40,7 +47,7 @@ def test_reaches_the_optimum_without_a_regulariser(batch_size, epochs):
 def test_reaches_the_optimum_of_the_elastic_net(l1_share):
     features, occupied, weight = problem()
     penalty = 0.02
-    weights, intercept = fit_logistic(csr_array(features), occupied, weight, penalty=penalty, l1_share=l1_share, epochs=300, batch_size=16)
+    weights, intercept = fitted(csr_array(features), occupied, weight, penalty=penalty, l1_share=l1_share, epochs=300, batch_size=16)
     scaled = LogisticRegression(l1_ratio=l1_share, C=1 / (penalty * weight.sum()), solver="saga", max_iter=5000, tol=1e-8)
     if scaled.penalty == "l2":  # scikit-learn before 1.8, where l1_ratio alone says nothing
         scaled.set_params(penalty="elasticnet")
@@ -79,7 +86,7 @@ def test_takes_the_steps_that_it_says(penalty, l1_share, dense):
     features = np.where(rng.random((300, 80)) < 0.03, rng.random((300, 80)), 0.0)
     occupied, weight = features @ rng.normal(0, 2, 80) + rng.normal(0, 0.3, 300) > 0, rng.integers(1, 5, 300).astype(float)
     how = {"penalty": penalty, "l1_share": l1_share, "epochs": 3, "batch_size": 10}
-    weights, intercept = fit_logistic(features if dense else csr_array(features), occupied, weight, **how)
+    weights, intercept = fitted(features if dense else csr_array(features), occupied, weight, **how)
     expected = step_by_step(features, occupied, weight, **how)
     np.testing.assert_allclose(weights, expected[0], rtol=1e-10, atol=1e-12)
     assert intercept == pytest.approx(expected[1], rel=1e-12)
@@ -88,24 +95,24 @@ def test_takes_the_steps_that_it_says(penalty, l1_share, dense):
 def test_a_lasso_has_exact_zeros_and_an_untouched_column_stays_zero():
     features, occupied, weight = problem()
     features[:, 2] = 0
-    weights, _ = fit_logistic(csr_array(features), occupied, weight)
+    weights, _ = fitted(csr_array(features), occupied, weight)
     assert weights[2] == 0.0
-    weights, _ = fit_logistic(csr_array(features), occupied, weight, penalty=1.0, l1_share=1.0)
+    weights, _ = fitted(csr_array(features), occupied, weight, penalty=1.0, l1_share=1.0)
     assert (weights == 0.0).all()
 
 
 def test_without_features_the_answer_is_the_base_rate():
     _, occupied, weight = problem()
-    weights, intercept = fit_logistic(csr_array((400, 0)), occupied, weight)
+    weights, intercept = fitted(csr_array((400, 0)), occupied, weight)
     assert weights.shape == (0,)
     assert expit(intercept) == pytest.approx(np.average(occupied, weights=weight), abs=0.02)
 
 
 def test_weights_count_relative_to_their_mean():
     features, occupied, weight = problem()
-    first = fit_logistic(csr_array(features), occupied, weight)[0]
-    np.testing.assert_allclose(fit_logistic(csr_array(features), occupied, weight * 1024)[0], first, rtol=1e-9)
-    assert np.abs(fit_logistic(csr_array(features), occupied, np.ones(400))[0] - first).max() > 0.01
+    first = fitted(csr_array(features), occupied, weight)[0]
+    np.testing.assert_allclose(fitted(csr_array(features), occupied, weight * 1024)[0], first, rtol=1e-9)
+    assert np.abs(fitted(csr_array(features), occupied, np.ones(400))[0] - first).max() > 0.01
 
 
 def test_balanced_weight():
@@ -142,7 +149,7 @@ def test_weights_are_those_of_the_descent_that_the_settings_describe(mapper):
     points, weight = rng.uniform(0, 5, (400, 2)), rng.integers(1, 50, 400).astype(float)
     occupied, chosen = points[:, 0] < 1, mapper.get_params()
     mapper.fit(points, occupied, weight)
-    how = {name: chosen[name] for name in ("epochs", "batch_size", "rate", "seed", "penalty", "l1_share") if name in chosen}
+    how = {name: chosen.get(name, 0.0) for name in USUAL}
     balanced = balanced_weight(weight, occupied, chosen["weight_power"], chosen["occupied_share"])
     weights, intercept = fit_logistic(mapper.features_(points), occupied, balanced, **how)
     np.testing.assert_array_equal(mapper.weights_, weights)

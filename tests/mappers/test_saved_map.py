@@ -14,7 +14,6 @@ from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.mappers.packed_array import pack
 from hilbertvae.mappers.saved_map import load_map, save_map
-from hilbertvae.mappers.vote_share import SHARES
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from toy_rooms import tiny_grid, tiny_reconstructor
 
@@ -65,19 +64,6 @@ def test_a_loaded_map_answers_to_the_bit_and_without_a_network(place, kind, tmp_
         assert getattr(found, name) == getattr(mapper, name)
     again = save_map(found, tmp_path / "again.map")
     assert_same(load_map(again), mapper, queries_of(place))
-
-
-def test_a_map_whose_weights_were_learned_before_vote_shares_answers_as_it_did(place, tmp_path):
-    made = network(place.dimension)
-    learned = made.map_weights["voxels"]["seen"]
-    before = made.map_weights["voxels"]["seen"] = learned[: -2 - SHARES] + learned[-2:]
-    mapper = fit(HilbertMap(made), place.fit)
-    np.testing.assert_array_equal(mapper.rank_weights_.seen[-2 - SHARES : -2], 0)
-    queries = np.concatenate([queries_of(place), place.fit.points])
-    expected = mapper.predict_proba(queries)
-    mapper.rank_weights_ = replace(mapper.rank_weights_, seen=np.array(before))  # as its file has them
-    found = load_map(save_map(mapper, tmp_path / "site.map"))
-    np.testing.assert_array_equal(found.predict_proba(queries), expected)
 
 
 def test_a_folder_stands_for_the_map_in_it(tmp_path, room):

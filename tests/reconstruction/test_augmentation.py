@@ -82,7 +82,7 @@ def test_the_same_move_for_input_and_target():
     for grid in target:
         found = [
             (k, n)
-            for k, move in enumerate(symmetries(2))
+            for k, move in enumerate(symmetries())
             for n, other in enumerate(answer)
             if torch.equal(apply(grid[None], move)[0], other)
         ]
@@ -96,7 +96,7 @@ def test_few_grids_see_every_move():
     seen = set()
     for _ in range(100):
         (answer,) = augment(target, target, AugmentationSettings(balls=0), 2)[1]
-        (move,) = (k for k, move in enumerate(symmetries(2)) if torch.equal(apply(target, move)[0], answer))
+        (move,) = (k for k, move in enumerate(symmetries()) if torch.equal(apply(target, move)[0], answer))
         seen.add(move)
     assert seen == set(range(8))
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import torch
+from matplotlib.patches import Circle
 
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.reconstruction.networks import build_network
@@ -18,6 +19,10 @@ def reconstructor(dimension=2, cells=16):
     resolution_m = {2: 0.1, 3: 0.2}[dimension]
     grid = GridSettings(cells=cells, cluster_diameter_m=cells * resolution_m, inner_radius_m=0.5)
     return Reconstructor(build_network(settings, dimension, cells), settings, LikelihoodSettings(), grid, dimension, resolution_m)
+
+
+def circles_of(axes):
+    return [patch for patch in axes.patches if isinstance(patch, Circle)]
 
 
 def result(mappers=("cvae-hm", "nearest"), seeds=(0, 1, 2), dimension=2):
@@ -43,5 +48,5 @@ def result(mappers=("cvae-hm", "nearest"), seeds=(0, 1, 2), dimension=2):
         seconds={name: {"fit": [1.0] * len(seeds)} for name in mappers},
         gaps=[{"seed": seed, "centres": [[1.0 + seed, 2.0]], "radius_m": [1.25]} for seed in seeds],
         curves=curves,
-        protocol={"gap_ratio": 0.5, "gap_seeds": list(seeds)},
+        protocol={"gap_ratio": 0.5, "gap_seeds": list(seeds), "rim": True, "centred": False},
     )

@@ -120,6 +120,7 @@ def test_nothing_is_written_that_json_can_t_hold(tmp_path):
         (lambda c: c.update(seconds={"nearest": 3}), "seconds.nearest: expected an object, got 3"),
         (lambda c: c.update(seconds={"nearest": {"fit": ["long"]}}), "seconds.nearest.fit: expected a list of numbers, got ['long']"),
         (lambda c: c.update(maps=[1]), "maps: expected an object, got [1]"),
+        (lambda c: c.pop("maps"), "maps is missing"),
         (lambda c: c.update(ceiling={"points": {}}), "ceiling.points: expected precision and recall, got {}"),
         (lambda c: c.update(failed={"hm": 3}), "failed.hm: expected text, got 3"),
     ],

@@ -140,15 +140,15 @@ def test_what_mappers_were_given_is_told_where_it_was_not_scans():
 
 @pytest.mark.parametrize(
     ("protocol", "words"),
-    [({}, "2.5 m, "), ({"rim": False}, "2.5 m without a rim, "), ({"centred": True, "rim": True}, "2.5 m centred on returns, ")],
+    [({}, "2.5 m, "), ({"rim": False}, "2.5 m without a rim, "), ({"centred": True}, "2.5 m centred on returns, ")],
 )
 def test_gaps_that_are_cut_otherwise_are_told_beside_their_size(protocol, words):
     found = result()
-    found.protocol = protocol
+    found.protocol |= protocol
     assert f", gaps of {words}" in heading(found) and f", gaps of {words}" in paper_table(found)
 
 
 def test_the_paper_s_rows_stand_beside_those_of_scans_alone():
     found = result()
-    found.protocol = {"given": "map"}
+    found.protocol |= {"given": "map"}
     assert paper_table(found) == "" and ", given a map" in heading(found)

@@ -2,18 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.patches import Circle
-from reports_toys import result
+from reports_toys import circles_of, result
 
 from hilbertvae.drawing.canvas import pixels, save_picture
 from hilbertvae.gaps import Gaps
 from hilbertvae.mappers.nearest import NearestMapper
-from hilbertvae.reports.site_pictures import SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
+from hilbertvae.reports.site_pictures import ZOOMED, SiteMaps, contact_sheet, gap_zoom_picture, gaps_of, site_map_picture
 from toy_places import room
-
-
-def circles(axes):
-    return [patch for patch in axes.patches if isinstance(patch, Circle)]
 
 
 @pytest.fixture(scope="module")
@@ -35,13 +30,13 @@ def test_what_mappers_are_given_has_gaps_and_the_truth_has_not(maps):
 
 
 def test_site_map_outlines_every_gap_in_every_panel(maps):
-    figure = site_map_picture(maps, zooms=2)
+    figure = site_map_picture(maps)
     panels = [axes for axes in figure.axes if axes.get_title(loc="left")]
     assert [axes.get_title(loc="left") for axes in panels][0] == "room, before"
     assert [axes.get_title(loc="left") for axes in panels][2:] == ["nearest", "nearest-15"]
     for axes in panels:
-        assert [tuple(circle.center) for circle in circles(axes)] == [tuple(centre) for centre in maps.gaps.centres]
-        assert [circle.radius for circle in circles(axes)] == maps.gaps.radius_m.tolist()
+        assert [tuple(circle.center) for circle in circles_of(axes)] == [tuple(centre) for centre in maps.gaps.centres]
+        assert [circle.radius for circle in circles_of(axes)] == maps.gaps.radius_m.tolist()
         assert axes.images[0].origin == "lower"
     np.testing.assert_array_equal(panels[2].images[0].get_array(), maps.maps["nearest"])
     np.testing.assert_allclose(panels[2].images[0].get_extent(), maps.raster.extent)
@@ -49,9 +44,9 @@ def test_site_map_outlines_every_gap_in_every_panel(maps):
 
 
 def test_zooms_stand_around_their_gaps(maps):
-    figure = gap_zoom_picture(maps, zooms=2)
-    chosen = maps.telling(2)
-    panels = [axes for axes in figure.axes if axes.images and circles(axes)]
+    figure = gap_zoom_picture(maps)
+    chosen = maps.telling(ZOOMED)
+    panels = [axes for axes in figure.axes if axes.images and circles_of(axes)]
     assert len(panels) == 3 * len(chosen)
     for axes, gap in zip(panels, chosen * 3, strict=True):
         assert np.mean(axes.get_xlim()) == pytest.approx(maps.gaps.centres[gap, 0])
@@ -95,7 +90,7 @@ def test_gaps_of_a_result_and_a_saved_picture(maps, tmp_path):
     gaps = gaps_of(result(), room(), seed=2)
     assert gaps.centres.tolist() == [[3.0, 2.0]] and gaps.radius_m.tolist() == [1.25] and gaps.resolution_m == 0.1
     path = tmp_path / "new" / "zoom.png"
-    save_picture(gap_zoom_picture(maps, 1), path)
+    save_picture(gap_zoom_picture(maps), path)
     assert path.read_bytes().startswith(b"\x89PNG")
     assert [file.name for file in path.parent.iterdir()] == ["zoom.png"]
 

@@ -1,16 +1,8 @@
 import numpy as np
 import pytest
 
-from hilbertvae.mappers.nearest import NearestMapper
-from hilbertvae.reports.site_view import SiteView, fullest_gap, telling_gaps
-from toy_places import CAR, in_street, street, street_gaps
-
-
-@pytest.fixture(scope="module")
-def view():
-    site, gaps = street(), street_gaps()
-    shown = gaps.cut(site.fit)
-    return SiteView.draw(site, gaps, shown, NearestMapper(1).fit(shown.points, shown.occupied))
+from hilbertvae.reports.site_view import fullest_gap, telling_gaps
+from toy_places import CAR, in_street
 
 
 def test_view_has_gaps_in_what_is_shown_and_not_in_the_truth(view):

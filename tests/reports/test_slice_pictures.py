@@ -2,19 +2,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.patches import Circle
+from reports_toys import circles_of
 
-from hilbertvae.mappers.nearest import NearestMapper
-from hilbertvae.reports.site_view import SiteView
 from hilbertvae.reports.slice_pictures import slice_picture
-from toy_places import CAR, street, street_gaps
-
-
-@pytest.fixture(scope="module")
-def view():
-    site, gaps = street(), street_gaps()
-    shown = gaps.cut(site.fit)
-    return SiteView.draw(site, gaps, shown, NearestMapper(1).fit(shown.points, shown.occupied))
+from toy_places import CAR
 
 
 def probability_at(axes, x, y):
@@ -44,9 +35,9 @@ def test_slices_show_observed_points_and_the_gaps_that_they_cut(view):
     assert car.any()
     hole = np.hypot(*(dots - view.gaps.centres[0, :2]).T) < 0.8
     assert not hole.any()
-    circles = [patch for patch in upright.patches if isinstance(patch, Circle)]
+    circles = circles_of(upright)
     assert view.gaps.radius_m[0] == pytest.approx(circles[0].radius, abs=0.02)
-    (circle,) = (patch for patch in level.patches if isinstance(patch, Circle))  # the others lie above or below
+    (circle,) = circles_of(level)  # the others lie above or below
     assert circle.center == pytest.approx(view.gaps.centres[0, :2]) and circle.radius < 1.0 + 1e-9
 
 

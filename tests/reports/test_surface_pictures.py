@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.patches import Circle
+from reports_toys import circles_of
 
 from hilbertvae.drawing import oblique
 from hilbertvae.drawing.canvas import pixels
@@ -28,15 +28,11 @@ def small(monkeypatch):
     monkeypatch.setattr(surface_pictures, "CLOSE_UP_PX", (240, 200))
 
 
-def circles(axes):
-    return [patch for patch in axes.patches if isinstance(patch, Circle)]
-
-
 def test_site_view_outlines_every_gap(view):
     figure = site_view_picture(view)
     panels = [axes for axes in figure.axes if axes.images]
     assert len(panels) == 4
-    assert [circle.radius for circle in circles(panels[0])] == view.gaps.radius_m.tolist()
+    assert [circle.radius for circle in circles_of(panels[0])] == view.gaps.radius_m.tolist()
     assert panels[0].get_title(loc="left") == "street, shown: 3 gaps cut"
     sizes = {axes.images[0].get_array().shape for axes in panels}
     assert len(sizes) == 1
@@ -50,7 +46,7 @@ def test_close_ups_share_a_view_in_each_row(view):
     assert [axes.get_title(loc="right") for axes in panels[:4]] == ["shown", "truth", "map", "map, calibrated for points"]
     assert panels[0].get_title(loc="left").startswith("gap 1: as large as a car")
     for line in (panels[:4], panels[4:]):
-        (centre,) = {tuple(circle.center) for axes in line for circle in circles(axes)}
+        (centre,) = {tuple(circle.center) for axes in line for circle in circles_of(axes)}
         left, right = line[0].get_xlim()
         assert left < centre[0] < right
         shown, truth, *_ = (np.asarray(axes.images[0].get_array()).astype(int) for axes in line)

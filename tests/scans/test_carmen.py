@@ -275,3 +275,11 @@ def test_a_log_is_read_from_a_pipe(tmp_path):
         writer.start()
         assert read_carmen(tmp_path / name).scan.max() == 1
         writer.join()
+
+
+@pytest.mark.parametrize("rear", ["RLASER", "ROBOTLASER2"])
+def test_a_second_laser_is_told_of(tmp_path, rear):
+    front = carmen_line(np.full(180, 3.0), (0.0, 0, 0))
+    path = write_log(tmp_path / "drive.log", [front, front.replace("FLASER", rear, 1)])
+    with pytest.warns(UserWarning, match=f"read are its 1 FLASER messages alone, and not 1 {rear} ones, of a second laser"):
+        assert read_carmen(path).scan.max() == 0

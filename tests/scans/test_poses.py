@@ -105,7 +105,7 @@ def test_enough_digits_are_not(tmp_path, form, place):
         ("", "expected poses, found none"),
         ("# nothing\n", "expected poses, found none"),
         (LINE + "1 0 0 5 0 1 0 6 0 0 1\n", "line 2: expected 12 numbers, got 11"),
-        ("1 0\n", "line 1: expected 12, 8 or 3 numbers, got 2"),
+        ("1 0\n", "line 1: expected 12, 16, 8 or 3 numbers, got 2"),
         (LINE + "0 1 2 3 0 0 0 1\n", "line 2: expected 12 numbers, got 8"),
         (LINE + "\n" + LINE.replace("6", "six"), "line 3: expected numbers"),
         (LINE + LINE.replace("6", "nan"), "line 2: expected finite numbers"),
@@ -137,3 +137,16 @@ def test_foreign_bytes_raise_nothing_but_input_errors(tmp_path_factory, content)
     path.write_bytes(content)
     with pytest.raises(InputError, match=re.escape(str(path))):
         read_poses(path)
+
+
+def test_matrices_of_four_rows_and_numbers_with_commas(tmp_path):
+    pose = [0, -1, 0, 1.5, 1, 0, 0, -2.0, 0, 0, 1, 0.25]
+    lines = {"12": pose, "16": [*pose, 0, 0, 0, 1]}
+    for name, values in lines.items():
+        (tmp_path / f"{name}.txt").write_text(" ".join(map(str, values)) + "\n")
+        (tmp_path / f"{name}.csv").write_text(", ".join(map(str, values)) + "\n")
+        for ending in ("txt", "csv"):
+            np.testing.assert_array_equal(read_poses(tmp_path / f"{name}.{ending}"), np.reshape(pose, (1, 3, 4)))
+    (tmp_path / "bad.txt").write_text(" ".join(map(str, [*pose, 0, 0, 1, 0])) + "\n")
+    with pytest.raises(InputError, match="line 1: expected 0 0 0 1 at the end of a 4 x 4 matrix"):
+        read_poses(tmp_path / "bad.txt")

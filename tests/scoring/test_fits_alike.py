@@ -20,7 +20,7 @@ def network(dimension=2):
     made = tiny_reconstructor(dimension)
     for reading, constant in (("voxels", -0.5), ("points", 1.0)):
         unseen, beyond = np.array([0.3] * 5 + [constant]), np.array([-0.4, constant])
-        made.map_weights[reading] = RankWeights(unseen, np.full(15, 0.1), np.full(6, 0.2), beyond=beyond, spread=-0.7).plain()
+        made.map_weights[reading] = RankWeights(unseen, np.full(18, 0.1), np.full(6, 0.2), beyond=beyond, spread=-0.7).plain()
     return made
 
 

@@ -1,6 +1,5 @@
 """Simulated buildings as a whole."""
 
-import builtins
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +10,6 @@ from hilbertvae.simulate.building import STYLES, BuildingSettings, simulate_buil
 from hilbertvae.simulate.laser import LaserSettings
 
 TINY = BuildingSettings(shortest_extent_m=8, longest_extent_m=10, scans=8)
-
-
-@pytest.fixture
-def sim():
-    pytest.importorskip("embreex")
-    pytest.importorskip("shapely")
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -132,19 +125,6 @@ def test_a_building_of_which_nothing_comes_back_is_named(sim, laser):
         simulate_building(replace(TINY, draw_laser=False, laser=laser), 0)
 
 
-def test_a_missing_extra_is_named(monkeypatch):
-    real_import = builtins.__import__
-
-    def no_shapely(name, *rest, **named):
-        if name.split(".")[0] == "shapely":
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-        return real_import(name, *rest, **named)
-
-    import sys
-
-    for name in [name for name in sys.modules if name.split(".")[0] == "shapely"]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "shapely", None)
-    monkeypatch.setattr(builtins, "__import__", no_shapely)
+def test_a_missing_extra_is_named(no_shapely):
     with pytest.raises(InputError, match=r"shapely is not installed: pip install 'hilbertvae\[sim\]'"):
         simulate_building(TINY, 0)

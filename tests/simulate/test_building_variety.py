@@ -60,17 +60,13 @@ def test_only_wide_buildings_are_smaller_than_the_shortest():
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_wide_buildings_are_scanned_and_the_same_again(seed):
-    pytest.importorskip("embreex")
-    pytest.importorskip("shapely")
+def test_wide_buildings_are_scanned_and_the_same_again(sim, seed):
     settings = BuildingSettings(shortest_extent_m=12, longest_extent_m=16, scans=12, variety="wide")
     scans, again = simulate_building(settings, seed), simulate_building(settings, seed)
     assert len(scans) > 100 and np.isfinite(scans.points).all() and np.isfinite(scans.origins).all()
     assert scans.points.tobytes() == again.points.tobytes()
 
 
-def test_a_laser_that_is_not_to_be_drawn_is_that_of_the_settings():
-    pytest.importorskip("embreex")
-    pytest.importorskip("shapely")
+def test_a_laser_that_is_not_to_be_drawn_is_that_of_the_settings(sim):
     settings = BuildingSettings(shortest_extent_m=12, longest_extent_m=16, scans=12, variety="wide", draw_laser=False)
     assert {int(simulate_building(settings, seed).beam.max()) < 180 for seed in range(6)} == {True}

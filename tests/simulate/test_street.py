@@ -1,7 +1,5 @@
 """Simulated streets as a whole."""
 
-import builtins
-import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -17,12 +15,6 @@ from hilbertvae.simulate.street import CHARACTERS, StreetSettings, simulate_stre
 
 COARSE = {"azimuths": 90, "scans": 3, "max_range_m": 25.0}
 TINY = StreetSettings(**COARSE)
-
-
-@pytest.fixture
-def sim():
-    pytest.importorskip("embreex")
-    pytest.importorskip("shapely")
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -166,17 +158,6 @@ def test_a_bad_seed_is_named(seed):
         simulate_street(TINY, seed)
 
 
-def test_a_missing_extra_is_named(monkeypatch):
-    real_import = builtins.__import__
-
-    def no_shapely(name, *rest, **named):
-        if name.split(".")[0] == "shapely":
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-        return real_import(name, *rest, **named)
-
-    for name in [name for name in sys.modules if name.split(".")[0] == "shapely"]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "shapely", None)
-    monkeypatch.setattr(builtins, "__import__", no_shapely)
+def test_a_missing_extra_is_named(no_shapely):
     with pytest.raises(InputError, match=r"shapely is not installed: pip install 'hilbertvae\[sim\]'"):
         simulate_street(TINY, 0)

@@ -80,9 +80,7 @@ def test_only_open_land_gets_hillier():
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_wide_streets_are_scanned_and_the_same_again(seed):
-    pytest.importorskip("embreex")
-    pytest.importorskip("shapely")
+def test_wide_streets_are_scanned_and_the_same_again(sim, seed):
     settings = StreetSettings(variety="wide", azimuths=60, scans=2, max_range_m=25.0)
     scans, again = simulate_street(settings, seed), simulate_street(settings, seed)
     assert len(scans) > 100 and np.isfinite(scans.points).all() and np.isfinite(scans.origins).all()

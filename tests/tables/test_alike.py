@@ -138,7 +138,9 @@ def test_notes(tmp_path):
     assert "- uncommitted tree, so that no commit says what ran: b-seed0" in text
     assert "- numpy differs: 2.0 in a-seed0; 2.1 in b-seed0" in text
     gpus = "networks in bfloat16, filled by a GPU, trained by two GPUs"
-    assert f"an abacus, 1 thread; an abacus, 8 threads, {gpus}; seconds of different machines can't be compared" in text
+    assert (
+        f"an abacus, 1 thread, networks in float32; an abacus, 8 threads, {gpus}; seconds of different machines can't be compared" in text
+    )
     assert origin_notes([]) == []
 
 

@@ -23,7 +23,7 @@ POTENTIALS = {
 def _row(start, points, seed):
     potentials = [p * points / 1000 for p in POTENTIALS.get((start, seed), [8.0, 5.0])]
     found = {"start": start, "points": points, "seed": seed, "seconds": 0.1 * points / 1000 + 0.1 * seed}
-    return found | {"clusters": 50 + seed, "radius_m": 1.0, "potentials_m2": potentials}
+    return found | {"clusters": 50 + seed, "potentials_m2": potentials}
 
 
 def put_starts(folder, start, rows=None, **others):

@@ -220,7 +220,7 @@ def test_a_file_that_says_something_else_is_scored_anew(settings, wrong):
 def test_code_that_was_edited_while_a_run_went_on(settings, monkeypatch):
     """What a run keeps is marked by the code that it loaded, not by what lies on the disk by then."""
     before = KeptScores(settings, settings.data.test[0]).path(mappers(), 0)
-    monkeypatch.setattr(kept_scores, "_code_hash", lambda: "edited")
+    monkeypatch.setattr(kept_scores, "code_hash", lambda parts: "edited")
     assert KeptScores(settings, settings.data.test[0]).path(mappers(), 0) == before
     monkeypatch.setattr(kept_scores, "CODE", "edited")
     assert KeptScores(settings, settings.data.test[0]).path(mappers(), 0) != before

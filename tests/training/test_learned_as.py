@@ -20,9 +20,8 @@ def test_a_card_brings_back_how_sites_were_made_and_weights_learned():
     found = settings_of(card, 3)
     assert found.source() == made.source() and found.calibration() == made.calibration()
     assert settings_of({}, 3) == Settings(dimension=3)
-    del card[KEY]["data"]["reading"], card[KEY]["data"]["simulated_variety"], card[KEY]["calibration_given"]  # as in older cards
+    del card[KEY]["data"]["simulated_variety"], card[KEY]["calibration_given"]  # as in older cards
     assert settings_of(card, 3).data.simulated_variety == "usual"
-    assert settings_of(card, 3).data.reading == ReadingSettings()
     assert settings_of(card, 3).calibration_given == "scans"
 
 

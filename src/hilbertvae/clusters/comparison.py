@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -59,22 +59,6 @@ class StudySettings:
         check_positive(self.points_per_m2, "study.points_per_m2")
 
 
-@dataclass
-class StartRun:
-    """One start on one cloud."""
-
-    start: str
-    points: int
-    seed: int
-    seconds: float
-    """Wall time of finding the seeds; the shortest of three where that is a matter of milliseconds."""
-    clusters: int
-    radius_m: float
-    """What decided the number of clusters: Quick-Means' inner radius; for ASK-Means its threshold (see `matching_threshold`)."""
-    potentials_m2: list[float]
-    """Before the first of Lloyd's iterations and after each."""
-
-
 def study_clouds(settings: StudySettings, returns: np.ndarray | None = None) -> Draw:
     """What draws a study's clouds. returns: (N, D) metres, a site's, unless they are uniform. Raises `InputError` for settings that make no
     study, and for returns that are too few."""
@@ -87,38 +71,24 @@ def study_clouds(settings: StudySettings, returns: np.ndarray | None = None) -> 
 
 
 def study(start: str, settings: StudySettings, clouds: Draw, progress: Callable[[int, int], None] | None = None) -> list[dict]:
-    """Rows of `compare_start` as the settings say, on `study_clouds`."""
-    return compare_start(start, clouds, settings.sizes, settings.seeds, settings.inner_radius_m, settings.lloyd_iterations, progress)
+    """A plain row for each size and seed that the settings name, on `study_clouds`. A size and a seed draw the same cloud for every start,
+    so starts can be compared pairwise. Raises `InputError` for an unknown start.
 
-
-def compare_start(
-    start: str,
-    points: np.ndarray | Draw,
-    sizes: list[int],
-    seeds: list[int],
-    inner_radius_m: float,
-    lloyd_iterations: int,
-    progress: Callable[[int, int], None] | None = None,
-) -> list[dict]:
-    """A plain `StartRun` for each size and seed.
-
-    points: (N, D) metres, of which each run draws a random part; or what draws a cloud. A size and a seed draw the same cloud for every
-    start, so starts can be compared pairwise. progress: called with (runs done, runs in all). Raises `InputError` for an unknown start,
-    and for sizes that `points` don't have.
+    seconds: wall time of finding the seeds, the shortest of three where that is a matter of milliseconds. potentials_m2: before the first
+    of Lloyd's iterations and after each. progress: called with (runs done, runs in all).
     """
     check_start(start)
-    draw = points if callable(points) else random_parts(points, max(sizes, default=1))
-    if sizes and seeds:
-        _find_seeds(start, draw(sizes[0], seeds[0])[:WARMING_POINTS], inner_radius_m, seeds[0])  # the first call loads code
+    drawn = [(size, seed) for size in settings.sizes for seed in settings.seeds]
+    _find_seeds(start, clouds(*drawn[0])[:WARMING_POINTS], settings.inner_radius_m, drawn[0][1])  # the first call loads code
     rows = []
-    for size in sizes:
-        for seed in seeds:
-            cloud = draw(size, seed)
-            found, seconds, radius_m = _find_seeds(start, cloud, inner_radius_m, seed)
-            potentials = lloyd(cloud, found, lloyd_iterations)[1]
-            rows.append(asdict(StartRun(start, size, seed, seconds, len(found), radius_m, potentials)))
-            if progress:
-                progress(len(rows), len(sizes) * len(seeds))
+    for size, seed in drawn:
+        cloud = clouds(size, seed)
+        found, seconds = _find_seeds(start, cloud, settings.inner_radius_m, seed)
+        potentials = lloyd(cloud, found, settings.lloyd_iterations)[1]
+        row = {"start": start, "points": size, "seed": seed, "seconds": seconds, "clusters": len(found), "potentials_m2": potentials}
+        rows.append(row)
+        if progress:
+            progress(len(rows), len(drawn))
     return rows
 
 
@@ -142,17 +112,16 @@ def uniform_squares(points_per_m2: float) -> Draw:
     return draw
 
 
-def _find_seeds(start: str, points: np.ndarray, inner_radius_m: float, seed: int) -> tuple[np.ndarray, float, float]:
-    """Seeds, as many as Quick-Means draws, the seconds that they took, and the radius that made them so many."""
+def _find_seeds(start: str, points: np.ndarray, inner_radius_m: float, seed: int) -> tuple[np.ndarray, float]:
+    """Seeds, as many as Quick-Means draws, and the seconds that they took."""
     drawn, seconds = _timed(lambda: quick_means_seeds(points, inner_radius_m, seed))
     if start == "quick_means":
-        return drawn, seconds, inner_radius_m
+        return drawn, seconds
     if start == "ask_means":
         threshold_m = matching_threshold(points, len(drawn), inner_radius_m, seed)
         found, seconds = _timed(lambda: ask_means(points, threshold_m, seed=seed))
-        return found[: len(drawn)], seconds, threshold_m
-    found, seconds = _timed(lambda: COUNTED[start](points, len(drawn), seed=seed))
-    return found, seconds, inner_radius_m
+        return found[: len(drawn)], seconds
+    return _timed(lambda: COUNTED[start](points, len(drawn), seed=seed))
 
 
 def matching_threshold(points: np.ndarray, count: int, inner_radius_m: float, seed: int) -> float:

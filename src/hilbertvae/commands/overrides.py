@@ -9,6 +9,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.types import RunMode
 
 from hilbertvae.checks import InputError
+from hilbertvae.reconstruction.settings import COUNTED
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.training.settings import TRAINED, Settings
 
@@ -29,8 +30,6 @@ OF_ANOTHER_SPACE = {
     3: (("data.simulated_scans", "data.simulated_extent_m", "data.simulated_variety"), "simulated sites are what `data.street` says"),
 }
 """By `dimension` the settings of sites that aren't drawn in it, and why."""
-COUNTED = ("detailed", "shares")
-"""Encodings that show counts, as `is_detailed` has it, which would wait for torch."""
 
 
 def refuse_ignored(settings: Settings, overrides: list[str]) -> None:

@@ -108,15 +108,12 @@ def _block_surface(values: np.ndarray, cut: float):
 
 
 def write_ply(path: str | os.PathLike, surface: Surface, colours: np.ndarray) -> Path:
-    """The surface as a binary PLY at `path`, whole or not there. colours: (V, 3) uint8 or floats from 0 to 1.
+    """The surface as a binary PLY at `path`, whole or not there. colours: (V, 3) uint8.
 
     Coordinates are doubles, which keep map coordinates such as UTM; `probability` and `observed` are properties of the vertices.
     """
-    colours = np.asarray(colours)
-    if colours.dtype != np.uint8:
-        colours = np.round(np.clip(colours, 0, 1) * 255).astype(np.uint8)
     columns = dict(zip(("x", "y", "z"), surface.vertices.T, strict=True))
-    columns |= dict(zip(("red", "green", "blue"), colours.reshape(-1, 3).T, strict=True))
+    columns |= dict(zip(("red", "green", "blue"), colours.T, strict=True))
     columns |= {"probability": surface.probability.astype(np.float32), "observed": surface.observed}
     comment = "metres, map frame; observed: an occupied point was shown there"
     return write_ply_table(path, columns, surface.faces, comment)

@@ -35,12 +35,12 @@ def fit_logistic(
     occupied: np.ndarray,
     weight: np.ndarray,
     *,
-    penalty: float = 0.0,
-    l1_share: float = 0.15,
-    epochs: int = 10,
-    batch_size: int = 1024,
-    rate: float = 5.0,
-    seed: int = 0,
+    penalty: float,
+    l1_share: float,
+    epochs: int,
+    batch_size: int,
+    rate: float,
+    seed: int,
 ) -> tuple[np.ndarray, float]:
     """The weights `(M,)` and the intercept for `features (N, M)`, `occupied (N,)` bool of both kinds and `weight (N,)`.
 

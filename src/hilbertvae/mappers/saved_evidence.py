@@ -7,11 +7,10 @@ import numpy as np
 from hilbertvae.checks import InputError
 from hilbertvae.mappers.evidence import Evidence
 from hilbertvae.mappers.voxel_bricks import BITS
+from hilbertvae.voxel_votes import MARGIN
 
 FARTHEST = 2**50
 """Bricks from the origin, beyond which float64 has no voxels."""
-OLD_MARGIN = 2.0**-24
-"""`MARGIN` of a voxel's side, as maps have it that were saved when it was narrower."""
 
 
 def evidence_arrays(evidence: Evidence) -> dict[str, np.ndarray]:
@@ -45,7 +44,7 @@ def evidence_of(arrays: dict[str, np.ndarray], dimension: int, resolution_m: flo
         if not (np.isfinite(found) & (found >= 0)).all():
             raise InputError(f"{name}s: expected counts, got some that are negative, NaN or inf")
         mean = _array(arrays, f"{name}_mean", "f", (np.count_nonzero(found), dimension))
-        if not ((mean >= OLD_MARGIN) & (mean <= 1 - OLD_MARGIN)).all():
+        if not ((mean >= MARGIN) & (mean <= 1 - MARGIN)).all():
             raise InputError(f"{name}_mean: expected places within a voxel, from 0 to 1")
         votes.append(found)
         means.append(mean.astype(np.float32))

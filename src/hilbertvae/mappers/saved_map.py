@@ -225,7 +225,7 @@ def _put_clusters(mapper: HilbertMap, arrays: dict[str, np.ndarray]) -> None:
 
 def _rank_weights(plain: dict, mapper: HilbertMap) -> RankWeights:
     features = mapper.evidence_.feature_count
-    return RankWeights.from_plain(plain).knowing(features).checked(mapper.neighbours, features, "rank_weights")
+    return RankWeights.from_plain(plain).checked(mapper.neighbours, features, "rank_weights")
 
 
 def _feature_names(names: list, dimension: int) -> np.ndarray:

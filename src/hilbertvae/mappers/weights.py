@@ -6,20 +6,20 @@ sum log(1 + exp(-y w . Phi)) + R(w).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.cloud import READINGS
 from hilbertvae.mappers.newton_logistic import LIGHT_RIDGE, logistic_weights
-from hilbertvae.mappers.vote_share import SHARES
 
 OCCUPIED_WEIGHT = 2.0
 """How many points one that is occupied counts for, in weights learned on points. Those are scored at the cuts (METHOD 7), and F1 is
 highest where less than a half is occupied: with 2, the cut of 0.6 lies where 3 of 7 are. Chosen on the validation sites (docs/decisions.md,
 "Where the cut of 0.6 lies on points"); 1 is Eq. 15, and a probability then the share of points that is occupied. Voxels count once each."""
 NAMES = ("unseen", "seen", "everywhere", "beyond")
+KEYS = (*NAMES, "level", "spread", "occupied_weight")
 RANKS_ALIKE = 0.03
 """Per query, of the ridge that holds the weights of ranks together. K boxes say nearly the same, so which of them is heard is left to the
 accidents of one site, and others pay for it (docs/decisions.md, "Weights that hold on other sites")."""
@@ -63,12 +63,6 @@ class RankWeights:
     def neighbours(self) -> int:
         """K."""
         return len(self.unseen) - 1
-
-    def knowing(self, features: int) -> RankWeights:
-        """For evidence of so many features: those that were learned before it had the last `SHARES` don't hear these."""
-        if np.size(self.seen) + SHARES != features + 2:
-            return self
-        return replace(self, seen=np.insert(self.seen, len(self.seen) - 2, np.zeros(SHARES)))
 
     def checked(self, neighbours: int, features: int, key: str) -> RankWeights:
         """Itself; an `InputError` that begins with `key` for weights that are not those of so many neighbours and features."""
@@ -120,12 +114,10 @@ class RankWeights:
 
     @classmethod
     def from_plain(cls, plain: dict) -> RankWeights:
-        """The inverse of `plain`; an `InputError` for weights of another version. Those that were learned before `beyond` and `spread` were
-        have 0, and those of before `occupied_weight` had `OCCUPIED_WEIGHT`."""
-        plain = {"beyond": [0.0, 0.0], "spread": 0.0, "occupied_weight": OCCUPIED_WEIGHT} | plain
-        if sorted(plain) != sorted((*NAMES, "level", "spread", "occupied_weight")) or not isinstance(plain["level"], bool):
-            wanted = ", ".join((*NAMES, "level"))
-            raise InputError(f"checkpoint: expected Hilbert Map's weights {wanted}, got {', '.join(plain)}; learned by another version")
+        """The inverse of `plain`; an `InputError` for weights of another version."""
+        if sorted(plain) != sorted(KEYS) or not isinstance(plain["level"], bool):
+            got = ", ".join(plain)
+            raise InputError(f"checkpoint: expected Hilbert Map's weights {', '.join(KEYS)}, got {got}; learned by another version")
         arrays = {name: np.asarray(plain[name], float) for name in NAMES}
         return cls(**arrays, level=plain["level"], spread=float(plain["spread"]), occupied_weight=float(plain["occupied_weight"]))
 
@@ -166,7 +158,7 @@ def check_occupied_weight(value: float, name: str) -> float:
 
 def learned_weights(plain: dict, neighbours: int, features: int, key: str) -> RankWeights:
     """A network's plain weights, for a map of so many neighbours and features; an `InputError` where they were learned for others."""
-    weights = RankWeights.from_plain(plain).knowing(features)
+    weights = RankWeights.from_plain(plain)
     if weights.unseen.shape == weights.everywhere.shape == (weights.unseen.size,) != (neighbours + 1,):
         ways = "any other goes with weights=unit"
         raise InputError(f"neighbours: the weights were learned for {weights.neighbours}, got {neighbours}; {ways}")

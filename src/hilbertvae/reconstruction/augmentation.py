@@ -19,7 +19,7 @@ def augment(shown: Tensor, target: Tensor, settings: AugmentationSettings, dimen
     detailed = shown.ndim == dimension + 2
     move_shown, move_target = (apply_channels if grids.ndim == dimension + 2 else apply for grids in (shown, target))
     if settings.symmetric:
-        moves = symmetries(dimension)
+        moves = symmetries()
         moves = [moves[k] for k in torch.randperm(len(moves))]  # a batch of fewer grids than moves shall not know the first ones alone
         order = torch.randperm(len(shown)).to(shown.device)  # drawn alike everywhere, and copied to a GPU once
         portions = [order[k :: len(moves)] for k in range(len(moves))]

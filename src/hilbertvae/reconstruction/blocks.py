@@ -13,7 +13,7 @@ from hilbertvae.checks import InputError, check_count
 from hilbertvae.grids.aligned_grid import COUNT_STEPS, PLACE_STEPS
 from hilbertvae.grids.cluster_grids import COUNTS
 from hilbertvae.reconstruction.precision import layer_type
-from hilbertvae.reconstruction.settings import KERNEL
+from hilbertvae.reconstruction.settings import COUNTED, KERNEL
 
 CONVOLUTION = {2: nn.Conv2d, 3: nn.Conv3d}
 CHANNELS_LAST = {2: torch.channels_last, 3: torch.channels_last_3d}
@@ -99,7 +99,7 @@ def shows_no_less(encoding: str, before: str) -> bool:
 
 def is_detailed(network: object) -> bool:
     """Whether a network of these settings takes grids as `bin_detailed` makes them; one that has no encodings takes labels alone."""
-    return getattr(network, "encoding", None) in ("detailed", "shares")
+    return getattr(network, "encoding", None) in COUNTED
 
 
 def convolutions(network: object, cells: int) -> list[tuple[int, int]]:

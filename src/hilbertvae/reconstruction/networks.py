@@ -25,8 +25,6 @@ def network_settings(values: dict) -> NetworkSettings:
     kind = values.get("kind")
     if kind not in NETWORKS:
         raise InputError(f"network.kind: expected one of {', '.join(NETWORKS)}, got {kind!r}")
-    if kind == "gated":
-        values = {"known": False, **values}  # checkpoints of before there was such an output
     return NETWORKS[kind][0](**values)
 
 

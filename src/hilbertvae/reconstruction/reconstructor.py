@@ -83,7 +83,7 @@ class Reconstructor:
         network = self.network.eval().to(device)
         kernel_value = LIKELIHOODS[self.likelihood.kind].kernel_value
         check_flips(flips)
-        chosen = symmetries(self.dimension)[:flips]
+        chosen = symmetries()[:flips]
         labels, move = labels_of(grids, self.dimension), apply_channels if self.detailed else apply
         value = np.empty(labels.shape, np.float16)
         known = np.empty(labels.shape, np.uint8) if getattr(self.network_settings, "known", False) else None

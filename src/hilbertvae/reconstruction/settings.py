@@ -10,6 +10,8 @@ LIKELIHOOD_KINDS = ("bernoulli", "gaussian")
 """Those of the package; one of somebody's own is looked for among `LIKELIHOODS`."""
 KERNEL = 3
 """Cells along an axis of a residual block's convolutions."""
+COUNTED = ("detailed", "shares")
+"""Encodings that show how often a cell was hit and passed, so that they take grids with counts (`bin_detailed`)."""
 
 
 @dataclass

@@ -15,7 +15,7 @@ Symmetry = tuple[bool, tuple[int, ...]]
 """Whether the two horizontal axes are swapped, and which spatial axes (0-based) are flipped after that."""
 
 
-def symmetries(dimension: int) -> list[Symmetry]:
+def symmetries() -> list[Symmetry]:
     """The 8 symmetries of the horizontal square, the identity first. In 3D up stays up: streets are not seen upside down."""
     flips = [axes for count in range(3) for axes in itertools.combinations(range(2), count)]
     return [(swap, axes) for swap in (False, True) for axes in flips]

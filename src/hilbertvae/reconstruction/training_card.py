@@ -1,4 +1,4 @@
-"""What a network's card, kept with its weights, says of how it was trained."""
+"""What a network's card, kept with its weights, says of how it was trained, and which settings say nothing of that."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ LEARNED_AS = "learned_as"
 """In a card: how the sites were made or read, and with which gap seeds its map's weights were learned; those that are older have none."""
 OLDER = {"calibration_given": "scans"}
 """What of `LEARNED_AS` older cards lack, and how it was then."""
-OLDER_SITES = {"simulated_variety": "usual", "reading": {}}
+OLDER_SITES = {"simulated_variety": "usual"}
 """The same of its `data`."""
+ELSEWHERE = {"data": ("folder", "download", "cache", "processes", "test"), "trainer": ("accelerator", "strategy")}
+"""Settings of a training, by their part, of where things lie, or of what computes."""
 ANEW = "weights_learned_anew"
 """In the card of a network in a run's memory: whether the run learned other map's weights for it, with seeds of its own."""
 

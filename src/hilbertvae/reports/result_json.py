@@ -13,7 +13,7 @@ from hilbertvae.scoring.result import SCHEMA_VERSION, Result
 
 KEYS = {
     "status": str, "site": str, "dimension": int, "gap_diameter_m": (int, float), "gap_seeds": list, "ceiling": dict, "scores": dict,
-    "seconds": dict, "failed": dict, "protocol": dict, "gaps": list, "curves": dict,
+    "seconds": dict, "maps": dict, "failed": dict, "protocol": dict, "gaps": list, "curves": dict,
 }  # fmt: skip
 """What every file has at top level, and of which type; whatever else stands there is about the run."""
 STATUSES = ("ok", "failed")
@@ -22,7 +22,7 @@ STATUSES = ("ok", "failed")
 def write_result(path: str | os.PathLike, result: Result, about: dict | None = None) -> Path:
     """Write `result` to `path` atomically; `about` is what `provenance` gives. Raises `ValueError` for a number that is not finite."""
     about = about or {}
-    taken = sorted(set(about) & {*KEYS, "maps", "schema_version"})
+    taken = sorted(set(about) & {*KEYS, "schema_version"})
     if taken:
         raise ValueError(f"about: {', '.join(taken)} belong to the result itself")
     write_json(path, result.plain(**about))
@@ -50,9 +50,8 @@ def read_result(path: str | os.PathLike) -> tuple[Result, dict]:
             raise InputError(f"{path}: {key}: expected {_words(kind)}, got {content[key]!r:.60}")
     if content["status"] not in STATUSES:
         raise InputError(f"{path}: status: expected ok or failed, got {content['status']!r}")
-    maps = content.pop("maps", {})  # results of 2026-11-20 and before have none
-    _check_contents(path, content, maps)
-    values = {key: content.pop(key) for key in KEYS} | {"maps": maps}
+    _check_contents(path, content)
+    values = {key: content.pop(key) for key in KEYS}
     del values["status"]  # follows from `failed`
     return Result(**values), content
 
@@ -61,7 +60,7 @@ def _words(kind) -> str:
     return {str: "text", int: "a whole number", (int, float): "a number", list: "a list", dict: "an object"}[kind]
 
 
-def _check_contents(path: Path, content: dict, maps: object) -> None:
+def _check_contents(path: Path, content: dict) -> None:
     """Each of scores[mapper][reading][region][metric] must be a list with one finite number per gap seed, and so on."""
     seeds = content["gap_seeds"]
     if content["scores"] and not all(isinstance(seed, int) and not isinstance(seed, bool) for seed in seeds):
@@ -69,8 +68,8 @@ def _check_contents(path: Path, content: dict, maps: object) -> None:
     for where, values in _leaves(path, content["scores"], "scores", depth=4):
         if not _are_numbers(values) or len(values) != len(seeds):
             raise InputError(f"{path}: {where}: expected {len(seeds)} numbers, one per gap seed, got {values!r:.60}")
-    for name, lists in (("seconds", content["seconds"]), ("maps", maps)):
-        for where, values in _leaves(path, lists, name, depth=2):
+    for name in ("seconds", "maps"):
+        for where, values in _leaves(path, content[name], name, depth=2):
             if not _are_numbers(values):
                 raise InputError(f"{path}: {where}: expected a list of numbers, got {values!r:.60}")
     for reading, best in content["ceiling"].items():

@@ -112,8 +112,9 @@ def reliability_picture(answers: Mapping[str, tuple[np.ndarray, np.ndarray]], ti
     return figure
 
 
-def wilson(share: np.ndarray, count: np.ndarray, z: float = 1.96) -> tuple[np.ndarray, np.ndarray]:
-    """The ends of Wilson's (1927) interval of shares of so many answers, which has a width at shares of 0 and 1, too."""
+def wilson(share: np.ndarray, count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The ends of Wilson's (1927) 95 % interval of shares of so many answers, which has a width at shares of 0 and 1, too."""
+    z = 1.96
     middle = (share + z**2 / (2 * count)) / (1 + z**2 / count)
     half = z / (1 + z**2 / count) * np.sqrt(share * (1 - share) / count + z**2 / (4 * count**2))
     return middle - half, middle + half

@@ -103,7 +103,7 @@ def told_given(protocol: dict) -> str:
 
 def told_gaps(protocol: dict) -> str:
     """How gaps were cut, where that was not METHOD 7's way, as more words: such scores stand beside no others."""
-    return " without a rim" * (not protocol.get("rim", True)) + " centred on returns" * protocol.get("centred", False)
+    return " without a rim" * (not protocol["rim"]) + " centred on returns" * protocol["centred"]
 
 
 def heading(result: Result) -> str:

@@ -36,6 +36,8 @@ SLICE_M = 1.0
 """Above the median height of a 3D site's ground: the slice that stands for it on the contact sheet."""
 ZOOM = 2.0
 """Half the side of a gap's window, in radii of the gap."""
+ZOOMED = 6
+"""How many gaps are zoomed, which have their numbers on the map of the site."""
 
 
 def contact_sheet(sites: Sequence[tuple[Site, str]], columns: int = 4) -> Figure:
@@ -80,7 +82,7 @@ def _squared_extent(codes: np.ndarray, extent):
 def gaps_of(result: Result, site: Site, seed: int) -> Gaps:
     """The gaps that a `Result` was scored on with this gap seed."""
     ball = next(ball for ball in result.gaps if ball["seed"] == seed)
-    return Gaps(np.array(ball["centres"]), np.array(ball["radius_m"]), site.resolution_m, rim=result.protocol.get("rim", True))
+    return Gaps(np.array(ball["centres"]), np.array(ball["radius_m"]), site.resolution_m, rim=result.protocol["rim"])
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ class SiteMaps:
         return sorted(order[ranks].tolist())
 
 
-def site_map_picture(site_maps: SiteMaps, zooms: int = 6) -> Figure:
+def site_map_picture(site_maps: SiteMaps) -> Figure:
     """Before, with gaps (what mappers are given), and every mapper's map, gaps outlined; the zoomed ones have their numbers."""
     raster, gaps = site_maps.raster, site_maps.gaps
     panels = {"before": None, f"with {len(gaps.centres)} gaps: what mappers are given": None, **site_maps.maps}
@@ -133,7 +135,7 @@ def site_map_picture(site_maps: SiteMaps, zooms: int = 6) -> Figure:
     width = min(15.0 / columns, 13.0 / rows * aspect, 9.0, 9.0 * aspect)
     figure = new_figure(columns * width + 1.1, rows * (width / aspect + 0.3))
     drawn = figure.subplots(rows, columns, squeeze=False).ravel()
-    numbers = {gap: str(gap + 1) for gap in site_maps.telling(zooms)}
+    numbers = {gap: str(gap + 1) for gap in site_maps.telling(ZOOMED)}
     image = None
     for axes, (title, probability) in zip(drawn, panels.items(), strict=False):
         if probability is None:
@@ -157,9 +159,9 @@ def _arranged(panels: int, aspect: float) -> tuple[int, int]:
     return min(full, key=lambda shape: abs(math.log(shape[1] * aspect / shape[0] / 1.4)))
 
 
-def gap_zoom_picture(site_maps: SiteMaps, zooms: int = 6) -> Figure:
+def gap_zoom_picture(site_maps: SiteMaps) -> Figure:
     """A few gaps (`SiteMaps.telling`), one a column: the truth above, then every mapper's answer; windows of twice the diameter."""
-    raster, gaps, chosen = site_maps.raster, site_maps.gaps, site_maps.telling(zooms)
+    raster, gaps, chosen = site_maps.raster, site_maps.gaps, site_maps.telling(ZOOMED)
     rows = {"truth": None, **site_maps.maps}
     side = 2.1
     figure = new_figure(side * len(chosen) + 1.3, side * len(rows) + 0.3)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections import defaultdict
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -15,17 +14,17 @@ import numpy as np
 from hilbertvae.checks import InputError, extra_module, named
 from hilbertvae.progress import track
 from hilbertvae.scans.bag_chunks import bounded_unpacking
+from hilbertvae.scans.bag_doubts import BagDoubts
 from hilbertvae.scans.bag_messages import DIMENSIONS, LASER_SCAN, READERS
-from hilbertvae.scans.bag_poses import STANDING, BagPoses
+from hilbertvae.scans.bag_poses import STANDING
 from hilbertvae.scans.beam_lengths import ClippedCheck, beam_lengths, without_zeros
 from hilbertvae.scans.beam_origins import find_beam_origins
 from hilbertvae.scans.deskewing import deskewed_along
 from hilbertvae.scans.file_points import LIDAR_RANGE_M, check_reading, reading
-from hilbertvae.scans.frame_chains import MOST_NAMED
 from hilbertvae.scans.odometry import FINDING, KissOdometry, check_poses_choice
 from hilbertvae.scans.opened_bag import OpenedBag, opened_bag
-from hilbertvae.scans.point_times import LONGEST_SWEEP, SWEEP_S, beam_times, says_times
-from hilbertvae.scans.poses import MOST_TILT_DEG, leans
+from hilbertvae.scans.point_times import beam_times, says_times
+from hilbertvae.scans.poses import leans
 from hilbertvae.scans.scan import Scans
 from hilbertvae.scans.scan_collector import ScanCollector
 
@@ -70,8 +69,7 @@ def read_bag(
                 raise InputError(f"reading.{name}: {chosen} of {path} are planar laser scans, where this has no meaning; leave it unset")
         finder = bag.poses(chosen, fixed_frame, odometry) if poses is None else None
         beam_origins, kiss, clipped = find_beam_origins(beam_origin), KissOdometry(), ClippedCheck(max_range_m, not is_flat)
-        found, seen, tilted, untimed, unturned = ScanCollector(min_range_m, max_range_m), 0, 0, 0, 0
-        frames, poses_seen, unposed_ns = set(), set(), defaultdict(list)
+        found, doubts, frames, poses_seen = ScanCollector(min_range_m, max_range_m), BagDoubts(), set(), set()
         step_ns = bag.step_ns(chosen) if deskew else np.inf
         # Odometry goes from scan to scan, so it sees those too that are left out.
         for index, stamp_ns, message in bag.scans(chosen, every) if finder else track(bag.scans(chosen), FINDING, bag.counts[chosen]):
@@ -93,28 +91,28 @@ def read_bag(
                     pose = kiss.register(cloud[kept])
             if index % every:
                 continue
-            seen += 1
-            untimed += turns and times is None and len(kept) > 0 and says_times(message)
+            doubts.seen += 1
+            doubts.untimed += turns and times is None and len(kept) > 0 and says_times(message)
             if pose is None:
-                unposed_ns[frame].append(stamp_ns)
+                doubts.unposed_ns[frame].append(stamp_ns)
                 continue
             if is_flat and leans(pose):
-                tilted += 1
+                doubts.tilted += 1
                 continue
             frames.add(frame)
             poses_seen.add(tuple(np.round(pose[:3], 3).flat))
             if finder and times is not None and np.ptp(times):
                 back = deskewed_along(cloud, start, stamp_ns + times, partial(finder.at, frame), pose)
-                unturned += back is None
+                doubts.unturned += back is None
                 cloud, start = back or (cloud, start)
             found.add(cloud, start, kept, pose, DIMENSIONS[bag.types[chosen]])
     found.warn(path)
     kiss.warn(path)
     clipped.warn(path)
-    _warn(path, chosen, finder, unposed_ns, len(found), seen, tilted, untimed, unturned)
+    doubts.warn(path, chosen, finder)
     if finder:
         _warn_of_fixed_clouds(path, chosen, frames - finder.registered.keys(), len(poses_seen), len(found), bag)
-    return found.whole(path, seen, f" on {chosen}")
+    return found.whole(path, doubts.seen, f" on {chosen}")
 
 
 def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, found: int, bag: OpenedBag) -> None:
@@ -129,52 +127,3 @@ def _warn_of_fixed_clouds(path: Path, topic: str, frames: set[str], poses: int, 
             f"sensor's own; other topics of scans: {others}",
             stacklevel=3,
         )
-
-
-def _warn(
-    path: Path,
-    topic: str,
-    finder: BagPoses | None,
-    unposed_ns: dict[str, list[int]],
-    found: int,
-    seen: int,
-    tilted: int,
-    untimed: int,
-    unturned: int,
-) -> None:
-    """One warning for what of the poses is doubtful; an `InputError` where no scan has one."""
-    if finder and seen and not found:
-        why = [f"transforms in {finder.fixed_frame} don't cover their times{_times(finder, unposed_ns)}"] if tilted < seen else []
-        why += [f"in {tilted} the laser leans more than {MOST_TILT_DEG:.0f} degrees"] if tilted else []
-        raise InputError(f"{path}: expected poses for the scans of {topic}, got none of {seen}: {'; '.join(why)}")
-    unposed = seen - found - tilted
-    doubts = [f"{unposed} of {seen} scans of {topic} have no pose at their time and are left out"] if unposed else []
-    doubts += [f"in {tilted} of {seen} the laser leans more than {MOST_TILT_DEG:.0f} degrees; they are left out"] if tilted else []
-    if untimed:
-        doubts.append(
-            f"the times of points in {untimed} of {seen} scans make no sweep of {SWEEP_S[0]:g} to {SWEEP_S[1]:g} s around its message's, "
-            f"or one more than {LONGEST_SWEEP:g} times as long as the time from scan to scan; these are taken as they are"
-        )
-    if unturned:
-        doubts.append(f"transforms don't cover the whole sweep of {unturned} of {seen} scans; these are taken as if measured at once")
-    assumed = sorted(finder.assumed.items()) if finder else []
-    doubts += [f"no transform says where {name} is on {base or 'the robot'}; taken to be its origin" for name, base in assumed]
-    for frame, used in sorted(finder.registered.items()) if finder else ():
-        base = finder.tracks[used].base or "the robot"
-        doubts.append(f"scans in {frame} are where {used} has its poses: they stay there, and their beams start where it has {base}")
-    for frame, sources in sorted(finder.tree.passed_over.items()) if finder else ():
-        doubts.append(f"transforms of {frame} are those of {sources.kept}; passed over are other ones in {', '.join(sources.others)}")
-    for used, others in (finder.others if finder else {}).items():
-        doubts.append(f"poses are those of {used}, which has most messages. Set reading.odometry for another: {', '.join(others)}")
-    if doubts:
-        warnings.warn(f"{path}: {'; '.join(doubts)}", stacklevel=3)
-
-
-def _times(finder: BagPoses, stamps_ns: dict[str, list[int]]) -> str:
-    """Of each frame, when its scans were and when there are poses: a lidar's clock may count since it was switched on."""
-    said = []
-    for frame, stamps in list(stamps_ns.items())[:MOST_NAMED]:
-        scanned, span = f"scans in {frame} are of {min(stamps) / 1e9:.3f} to {max(stamps) / 1e9:.3f} s", finder.span_ns(frame)
-        between = f"{span[0] / 1e9:.3f} to {span[1] / 1e9:.3f} s" if span and span[0] <= span[1] else "no time that all of them have"
-        said.append(f"{scanned}, transforms of {between}")
-    return f": {'; '.join(said)}. For clouds, reading.poses=kiss_icp finds the way"

@@ -7,6 +7,7 @@ import gzip
 import os
 import warnings
 import zlib
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,8 @@ from hilbertvae.scans.scan import Scans
 
 MAX_LINE = 1 << 20
 """Longer than any message; what is, is no log."""
+REAR = (b"RLASER", b"ROBOTLASER2")
+"""Messages of a second laser, which are not read."""
 MIN_RANGE_M = 0.02
 """Shorter ranges are the sensor's own housing or an error code of 0."""
 
@@ -30,7 +33,7 @@ def read_carmen(
     """The returns of a log's front laser, in the order of lines (timestamps are useless in some logs).
 
     Read are the messages, `FLASER` or `ROBOTLASER1`, of which the first is: some loggers write each sweep as both; where these can't be
-    the same sweeps, since they are not as many, there is a warning. A range at or above
+    the same sweeps, since they are not as many, there is a warning, and where there are those of a second laser. A range at or above
     `max_range_m`, or above what the message says the laser measures, no-return codes among them, is an error or a miss, as is one at or
     below `min_range_m`: it is skipped and carves nothing. Shorter codes can't be told from returns; ranges that end at one that many
     beams have give a warning. `every` keeps every n-th scan. step_deg: between beams, unless as the message says, or as many scans
@@ -43,15 +46,16 @@ def read_carmen(
     if step_deg is not None:
         check_positive(step_deg, "reading.beam_step_deg")
     points, origins, scan, beam, places = [], [], [], [], []
-    kept = seen = passed = 0
+    kept, seen, others = 0, 0, Counter()
     unit, clipped, strange, chosen_kind = UnitCheck(max_range_m, min_range_m=min_range_m), ClippedCheck(max_range_m), set(), None
     before = b""
     for number, line in _lines(path):
         kind = line.split(maxsplit=1)[0] if line.strip() else b""
         if kind not in MESSAGES:
+            others[kind] += kind in REAR
             continue
         if kind != (chosen_kind := chosen_kind or kind):
-            passed += 1
+            others[kind] += 1
             continue
         if seen and not line.endswith(b"\n") and len(line.split()) < len(before.split()):
             warnings.warn(f"{path}, line {number}: the last line is cut off and left out", stacklevel=3)
@@ -78,16 +82,22 @@ def read_carmen(
         raise InputError(f"{path}: expected a CARMEN log with FLASER or ROBOTLASER1 lines, found none")
     unit.warn(path)
     clipped.warn(path)
-    if passed and abs(passed - seen) > 1:  # else each sweep is there as both
-        chosen, other = (name.decode() for name in (chosen_kind, next(name for name in MESSAGES if name != chosen_kind)))
-        warnings.warn(f"{path}: read are its {seen} {chosen} messages alone, and not {passed} {other} ones", stacklevel=3)
+    _warn_of_messages(path, chosen_kind.decode(), seen, others, strange)
     warn_of_few_digits(np.array(places), path)
-    if strange:
-        counts = ", ".join(f"{count} beams taken to be {beam_step_deg(count):g} degrees apart" for count in sorted(strange)[:3])
-        warnings.warn(f"{path}: {counts}, a guess, since this reader knows no laser of so many; set reading.beam_step_deg", stacklevel=3)
     if not sum(map(len, points)):
         raise InputError(f"{path}: expected ranges of {min_range_m} to {max_range_m} m, found none in {seen} scans{unit.hint(max_range_m)}")
     return Scans(np.concatenate(points), np.concatenate(origins), np.concatenate(scan), np.concatenate(beam), unit.left_out)
+
+
+def _warn_of_messages(path: Path, kind: str, seen: int, others: Counter[bytes], strange: set[int]) -> None:
+    """Where sweeps of `others` than the kind that was read were passed over, and where beams are of a number that no known laser has."""
+    for other, passed in sorted(others.items()):
+        if passed and (other in REAR or abs(passed - seen) > 1):  # else each sweep is there as both
+            whose = ", of a second laser" if other in REAR else ""
+            warnings.warn(f"{path}: read are its {seen} {kind} messages alone, and not {passed} {other.decode()} ones{whose}", stacklevel=4)
+    if strange:
+        counts = ", ".join(f"{count} beams taken to be {beam_step_deg(count):g} degrees apart" for count in sorted(strange)[:3])
+        warnings.warn(f"{path}: {counts}, a guess, since this reader knows no laser of so many; set reading.beam_step_deg", stacklevel=4)
 
 
 def _lines(path: Path):

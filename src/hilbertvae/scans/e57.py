@@ -7,12 +7,12 @@ import struct
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hilbertvae.checks import InputError, extra_module
 from hilbertvae.scans.apart import read_apart
 from hilbertvae.scans.file_points import FilePoints, check_fits, reading
 from hilbertvae.scans.poses import FARTHEST_M, RIGID
-from hilbertvae.scans.quaternions import rotation_matrices
 
 HEADER = struct.Struct("<8sIIQQQQ")
 """Signature, version, and the sizes of the file, of its XML (place and length) and of its pages."""
@@ -78,4 +78,4 @@ def _rigid(path: Path, scan: int, pose: list[float]) -> tuple[np.ndarray, np.nda
     length = np.sqrt(quaternion @ quaternion)
     if not abs(length - 1) <= RIGID or not np.abs(place).max() <= FARTHEST_M:
         raise InputError(f"{path}, scan {scan}: expected a rigid pose in metres, got translation {pose[:3]} and rotation {pose[3:]}")
-    return rotation_matrices(quaternion / length), place
+    return Rotation.from_quat(quaternion).as_matrix(), place

@@ -5,10 +5,11 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.poses import FARTHEST_M
-from hilbertvae.scans.quaternions import rotation_matrices, slerp
+from hilbertvae.scans.quaternions import slerp
 
 LONGEST_HOLE_S = 10.0
 """Between two samples that are farther apart there is no pose, as in tf2, which remembers so much: meanwhile a robot may have been carried.
@@ -121,5 +122,5 @@ class PoseTrack:
 
 def _matrix(place: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = rotation_matrices(quaternion), place
+    matrix[:3, :3], matrix[:3, 3] = Rotation.from_quat(quaternion).as_matrix(), place
     return matrix

@@ -10,16 +10,16 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hilbertvae.checks import InputError
 from hilbertvae.scans.file_points import reading
 from hilbertvae.scans.headings import warn_of_degrees
-from hilbertvae.scans.quaternions import rotation_matrices
 from hilbertvae.scans.rounded import warn_of_few_digits
 
 RIGID = 1e-3
 """How far R R^T may be from 1, and a quaternion's length from 1: files are written with 6 digits and fewer."""
-WIDTHS = (12, 8, 3)
+WIDTHS = (12, 16, 8, 3)
 """How many numbers a line may have."""
 MOST_TILT_DEG = 15.0
 """A planar laser that leans further, on a tilting unit or a fallen robot, does not see the plan of a place."""
@@ -38,28 +38,30 @@ def read_timed_poses(path: str | os.PathLike) -> tuple[np.ndarray, np.ndarray | 
     """(S, 3, 4) float64: rotation and translation in metres that take scan k from the sensor frame to the map frame. And their times
     (S,), seconds, where lines have them, else None.
 
-    A line is a 3 x 4 matrix row by row, `t x y z qx qy qz qw`, or `x y heading` with the heading in radians from the x axis; all lines
-    are of one kind. Empty lines and those that start with # are passed over. Raises `InputError` with the line's number for anything
-    else, and for a matrix or quaternion that is no rotation. Warns where times go back, where headings look like degrees, where
-    quaternions look like qw qx qy qz, and where far places have too few digits.
+    A line is a 3 x 4 matrix row by row, or a 4 x 4 one, `t x y z qx qy qz qw`, or `x y heading` with the heading in radians from the x
+    axis, apart by blanks or commas; all lines are of one kind. Empty lines and those that start with # are passed over. Raises `InputError`
+    with the line's number for anything else, and for a matrix or quaternion that is no rotation. Warns where times go back, where headings
+    look like degrees, where quaternions look like qw qx qy qz, and where far places have too few digits.
     """
     path = Path(path)
     poses, times, headings, quaternions, width, back = [], [], [], [], None, 0
     with reading(path, "poses, 12 numbers a line (or 8, as TUM writes them; or 3, x y heading)"), open(path, "rb") as file:
         for number, line in enumerate(file, start=1):
-            fields = (line.removeprefix(codecs.BOM_UTF8) if number == 1 else line).split()
+            fields = (line.removeprefix(codecs.BOM_UTF8) if number == 1 else line).replace(b",", b" ").split()
             if not fields or fields[0].startswith(b"#"):
                 continue
             where, width = f"{path}, line {number}", width or len(fields)
             if len(fields) not in WIDTHS or len(fields) != width:
-                raise InputError(f"{where}: expected {width if width in WIDTHS else '12, 8 or 3'} numbers, got {len(fields)}")
+                raise InputError(f"{where}: expected {width if width in WIDTHS else '12, 16, 8 or 3'} numbers, got {len(fields)}")
             try:
                 values = np.array(fields, dtype=np.float64)
             except ValueError as error:
                 raise InputError(f"{where}: expected numbers ({error})") from error
             if not np.isfinite(values).all():
                 raise InputError(f"{where}: expected finite numbers, got {values.tolist()}")
-            pose = values.reshape(3, 4) if width == 12 else _from_quaternion(where, values) if width == 8 else _in_plane(*values)
+            if width == 16 and values[12:].tolist() != [0, 0, 0, 1]:
+                raise InputError(f"{where}: expected 0 0 0 1 at the end of a 4 x 4 matrix, got {values[12:].tolist()}")
+            pose = values[:12].reshape(3, 4) if width in (12, 16) else _from_quaternion(where, values) if width == 8 else _in_plane(*values)
             _check(where, pose)
             poses.append(pose)
             if width == 8:
@@ -132,7 +134,7 @@ def _from_quaternion(where: str, values: np.ndarray) -> np.ndarray:
     length = math.hypot(*values[4:])
     if abs(length - 1) > RIGID:
         raise InputError(f"{where}: expected a rigid motion, the quaternion has length {length:.6g}")
-    return np.column_stack([rotation_matrices(values[4:] / length), values[1:4]])
+    return np.column_stack([Rotation.from_quat(values[4:]).as_matrix(), values[1:4]])
 
 
 def _upside_down(quaternions: np.ndarray) -> int:

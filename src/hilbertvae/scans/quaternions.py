@@ -1,19 +1,8 @@
-"""Rotations as unit quaternions (x, y, z, w), as ROS and TUM write them: to matrices, and between two of them."""
+"""Between two rotations as unit quaternions (x, y, z, w), as ROS and TUM write them."""
 
 from __future__ import annotations
 
 import numpy as np
-
-
-def rotation_matrices(quaternions: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) of unit quaternions (..., 4)."""
-    x, y, z, w = np.moveaxis(np.asarray(quaternions, dtype=np.float64), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 def slerp(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:

@@ -79,9 +79,9 @@ def lid(polygon: shapely.Geometry, height_m: float, surface: Surface = Surface.W
     return soup(np.concatenate([triangles, np.full((*triangles.shape[:2], 1), height_m)], axis=2), surface)
 
 
-def prism(polygon: shapely.Geometry, low_m: float, high_m: float, surface: Surface = Surface.WALL) -> Soup:
-    """A polygon's sides, and lids above and below."""
-    return joined([sides([polygon], low_m, high_m, surface), lid(polygon, low_m, surface), lid(polygon, high_m, surface)])
+def prism(polygon: shapely.Geometry, low_m: float, high_m: float) -> Soup:
+    """A polygon's sides, and lids above and below: wall."""
+    return joined([sides([polygon], low_m, high_m), lid(polygon, low_m), lid(polygon, high_m)])
 
 
 def _of(plan: FloorPlan, *kinds: str) -> np.ndarray:

@@ -116,8 +116,9 @@ def tubes(
     return joined(parts)
 
 
-def ellipsoids(middles: np.ndarray, radii: np.ndarray, surface=Surface.CLOTH, rings: int = 4, sides: int = 7) -> Soup:
+def ellipsoids(middles: np.ndarray, radii: np.ndarray, surface=Surface.CLOTH) -> Soup:
     """Closed ellipsoids of few facets around `middles` (K, 3) with half axes `radii` (K, 3)."""
+    rings, sides = 4, 7
     polar, around = np.linspace(0, np.pi, rings + 1), np.arange(sides + 1) * 2 * np.pi / sides
     unit = np.stack(
         np.broadcast_arrays(np.sin(polar)[:, None] * np.cos(around), np.sin(polar)[:, None] * np.sin(around), np.cos(polar)[:, None]), -1

@@ -129,9 +129,8 @@ def is_unclean(run: Made) -> bool:
 def _host(run: Made) -> str:
     host = run.about["host"]
     threads = host.get("threads", "?")
-    numbers = f", networks in {host['numbers']}" if "numbers" in host else ""  # older results don't say
     gpus = "".join(f", {key.replace('_', ' ')} {host[key]}" for key in ("filled_by", "trained_by") if key in host)
-    return f"{host.get('cpu', 'an unknown processor')}, {threads} thread{'' if threads == 1 else 's'}{numbers}{gpus}"
+    return f"{host.get('cpu', 'an unknown processor')}, {threads} thread{'' if threads == 1 else 's'}, networks in {host['numbers']}{gpus}"
 
 
 def _names(names: list[str]) -> str:

@@ -36,8 +36,7 @@ LEGEND = (
 )
 COST_LEGEND = (
     "MB: 1e6 bytes. Training and its grids are of the run's network, so that mappers without one have none. Grids that another run had "
-    "built before are loaded, in a second or two. Older results count, of a training that was interrupted, only what came after, and have "
-    "a query time of each reading and case apart."
+    "built before are loaded, in a second or two. Older results count, of a training that was interrupted, only what came after."
 )
 
 

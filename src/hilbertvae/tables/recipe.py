@@ -9,19 +9,14 @@ from typing import Any
 
 from hilbertvae.checks import InputError
 from hilbertvae.dotted_keys import leaves
-from hilbertvae.reconstruction.training_card import LEARNED_AS, OLDER
+from hilbertvae.reconstruction.training_card import ELSEWHERE, LEARNED_AS, OLDER
 
 PARTS = (
     "network", "grid", "likelihood", "augmentation", "clustering", "trainer", "data", "flips", "validation_gap_m", "calibration_seeds",
     "calibration_given", "calibration_occupied_weight", "mapper",
 )  # fmt: skip
-ELSEWHERE = {
-    "trainer": {"accelerator", "strategy", "threads"},
-    "data": {"folder", "download", "cache", "processes", "test"},
-}
+NOT_COMPARED = ELSEWHERE | {"trainer": (*ELSEWHERE["trainer"], "threads")}
 """Where things lie and what computes; sites that are scored have a table each."""
-
-
 OF_A_CARD = ("recipe_hash", "calibrated_on", LEARNED_AS)
 """What the card of a network that another run trained says of how; its settings are not in this run's configuration."""
 
@@ -64,7 +59,7 @@ def _flat(config: dict) -> Iterator[tuple[str, Any]]:
     for part in PARTS:
         value = config.get(part)
         if isinstance(value, dict):
-            yield from ((f"{part}.{key}", _anywhere(setting)) for key, setting in value.items() if key not in ELSEWHERE.get(part, ()))
+            yield from ((f"{part}.{key}", _anywhere(setting)) for key, setting in value.items() if key not in NOT_COMPARED.get(part, ()))
         elif part in config:
             yield part, value
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from hilbertvae.files import atomic, hash_of
 from hilbertvae.grids.training_grids import ClusteringSettings, training_grids
 from hilbertvae.progress import track
 from hilbertvae.reconstruction.blocks import is_detailed
+from hilbertvae.training.code_hash import code_hash
 from hilbertvae.training.settings import Settings
 
 VALIDATION_SEEDS = (1_000_001, 1_000_002)
@@ -77,14 +77,6 @@ def grids_hash(contents: dict, seed: int, settings: Settings) -> str:
         "clustering": asdict(_clustering(seed, settings)),
     }
     return hash_of(made_of)
-
-
-@cache
-def code_hash(parts: tuple[str, ...]) -> str:
-    """The hash of these sources of the package, so that a cache never outlives the code that filled it."""
-    folder = Path(hilbertvae.__file__).parent
-    files = sorted(file for part in parts for file in ([folder / part] if part.endswith(".py") else (folder / part).glob("*.py")))
-    return hash_of([file.read_text(encoding="utf-8") for file in files])
 
 
 def _clustering(seed: int, settings: Settings) -> ClusteringSettings:

@@ -14,8 +14,9 @@ from hilbertvae.files import copy_file, hash_of, write_json
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
 from hilbertvae.reconstruction.networks import NETWORKS, check_kind
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.training.code_hash import code_hash
 from hilbertvae.training.foreign_code import foreign_source
-from hilbertvae.training.kept_grids import GRID_SOURCES, code_hash
+from hilbertvae.training.kept_grids import GRID_SOURCES
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.training_hash import training_hash
 

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import torch
 
-import hilbertvae
 from hilbertvae.checks import InputError
 from hilbertvae.files import hash_of, path_sha256
 from hilbertvae.mappers.hilbert_map import HilbertMap
@@ -26,6 +25,7 @@ from hilbertvae.reports.result_json import read_result, write_result
 from hilbertvae.reports.run_folder import UNFINISHED
 from hilbertvae.scoring.result import Result
 from hilbertvae.site import site_name
+from hilbertvae.training.code_hash import PACKAGE, code_hash
 from hilbertvae.training.foreign_code import foreign_source, is_library
 from hilbertvae.training.settings import Settings
 
@@ -85,13 +85,7 @@ def forget_scores(output: str | Path) -> None:
     shutil.rmtree(Path(output) / UNFINISHED, ignore_errors=True)
 
 
-def _code_hash() -> str:
-    package = Path(hilbertvae.__file__).parent
-    files = sorted(path for path in package.rglob("*.py") if path.relative_to(package).parts[0] not in LATER)
-    return hash_of([file.read_text(encoding="utf-8") for file in files])
-
-
-CODE = _code_hash()
+CODE = code_hash(tuple(path.name for path in PACKAGE.iterdir() if path.name not in LATER))
 """As it was when it was loaded: it may be edited while a network trains."""
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from hilbertvae.dotted_keys import leaves
 from hilbertvae.files import hash_of, path_sha256
 from hilbertvae.reconstruction.shipped import checkpoint_path
+from hilbertvae.reconstruction.training_card import ELSEWHERE
 from hilbertvae.scans.formats import is_scan_path
 from hilbertvae.site import site_name
 from hilbertvae.training.plain_settings import plain_settings
@@ -18,8 +19,6 @@ AFTERWARDS = (
     "device",
 )  # fmt: skip
 """Keys of what is done with a trained network, or where."""
-ELSEWHERE = {"data": ("folder", "download", "cache", "processes", "test"), "trainer": ("accelerator", "strategy")}
-"""Keys of where things lie, or of what computes."""
 MOST_NAMED = 3
 """Keys that a message names."""
 
