@@ -6,6 +6,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hilbertvae.files import atomic, file_sha256, folder_sha256, hash_of, json_object, path_sha256, write_json
@@ -170,4 +171,8 @@ def test_a_link_stays_one_and_what_it_leads_to_is_replaced(tmp_path):
     write_json(tmp_path / "next.json", {"b": 2})
     assert (tmp_path / "latest.json").is_symlink() and json_object(tmp_path / "disk/real.json") == {"a": 1}
     assert (tmp_path / "next.json").is_symlink() and json_object(tmp_path / "disk/new.json") == {"b": 2}
-    assert sorted(path.name for path in (tmp_path / "disk").iterdir()) == ["new.json", "real.json"]
+    (tmp_path / "grids.npz").symlink_to("disk/blob")
+    with atomic(tmp_path / "grids.npz") as temporary:
+        np.savez(temporary, a=np.arange(3))
+    assert np.load(tmp_path / "grids.npz")["a"].tolist() == [0, 1, 2]
+    assert sorted(path.name for path in (tmp_path / "disk").iterdir()) == ["blob", "new.json", "real.json"]

@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 import hilbertvae
-import hilbertvae.commands.train
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
 from hilbertvae.scoring import protocol
@@ -111,13 +110,6 @@ def test_each_command_says_which_version_it_is(command, monkeypatch, capsys):
     with contextlib.suppress(SystemExit):
         importlib.import_module(f"hilbertvae.commands.{command}").main()
     assert capsys.readouterr().out == f"hilbertvae {hilbertvae.__version__}\n"
-
-
-def test_settings_of_a_sweep_are_shown_of_one_job(monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["hilbertvae-train", "-m", "+sweep=table1", "--cfg", "job"])
-    with pytest.raises(SystemExit) as ended:
-        hilbertvae.commands.train.main()
-    assert ended.value.code == 2 and "leave out -m" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("resolution_m", [-1.0, float("nan"), "fine"])

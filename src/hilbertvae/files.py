@@ -24,8 +24,9 @@ TEMPORARY = re.compile(r"\..*-[0-9a-f]{8}(\.[^.]*)?")
 def atomic(path: str | os.PathLike) -> Iterator[Path]:
     """A temporary path beside `path`; it replaces `path` when the block ends well and is removed when it does not. A link stays one: what
     it leads to is replaced. An `OSError` that names no file, as of a full disk, or the temporary one, names `path`."""
+    suffix = Path(path).suffix  # the given one: what a link leads to may have none, and numpy would add its own
     path = Path(os.path.realpath(path)) if os.path.islink(path) else Path(path)
-    temporary = path.parent / f".{path.stem}-{secrets.token_hex(4)}{path.suffix}"
+    temporary = path.parent / f".{path.stem}-{secrets.token_hex(4)}{suffix}"
     with folder_made(path.parent):
         try:
             temporary.touch(exist_ok=False)

@@ -2,6 +2,8 @@
 
 import re
 import shlex
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,8 +17,10 @@ from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.overrides import refuse_ignored
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.nearest import NearestMapper
+from hilbertvae.reconstruction.likelihood import LIKELIHOODS
 from hilbertvae.reconstruction.networks import NETWORKS
 from hilbertvae.reconstruction.reconstructor import Reconstructor
+from hilbertvae.reconstruction.settings import LikelihoodSettings
 from hilbertvae.reports.report import Report
 from hilbertvae.reports.result_json import read_result
 from hilbertvae.scoring.protocol import Protocol, evaluate
@@ -26,7 +30,7 @@ from hilbertvae.training.trainer_settings import TrainerSettings
 from toy_rooms import room_log
 
 TEXT = (Path(__file__).parents[2] / "docs/extending.md").read_text(encoding="utf-8")
-PYTHON = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+PYTHON = [block for block in re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL) if "__main__.py" not in block]
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +41,7 @@ def executed(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("extending"))
         patch.setitem(NETWORKS, "plain", None)
+        patch.setitem(LIKELIHOODS, "smooth", None)
         results = []
         for block in PYTHON:
             exec(block, known)
@@ -65,6 +70,29 @@ def test_the_site_is_a_room(executed):
 def test_the_network_is_trained_and_maps(executed):
     assert executed["there"]
     assert 0 <= executed["results"][2].scores["plain"]["voxels"]["gaps"]["auc"][0] <= 1
+
+
+def test_the_likelihood_trains_a_network(executed):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(LIKELIHOODS, "smooth", executed["Smooth"])
+        loss = executed["Smooth"](LikelihoodSettings(kind="smooth"))
+        target = torch.tensor([[[1, -1], [0, 1]]], dtype=torch.int8)
+        sure = loss(20.0 * target.float(), target, target)
+        assert sure.shape == (1,) and sure > loss(3.9 * target.float(), target, target) > 0  # log(0.98 / 0.02)
+
+
+def test_the_program_of_a_package_of_ones_own_trains_its_network(executed, tmp_path):
+    (wrapper,) = re.findall(r"```python\n(# mine/__main__.py.*?)```", TEXT, re.DOTALL)
+    (plain,) = [block for block in PYTHON if "class PlainSettings" in block]
+    for name, text in (("__main__", wrapper), ("plain", plain), ("__init__", "")):
+        (tmp_path / "mine").mkdir(exist_ok=True)
+        (tmp_path / f"mine/{name}.py").write_text(text)
+    (tmp_path / "conf/network").mkdir(parents=True)
+    (tmp_path / "conf/network/plain.yaml").write_text("defaults: [plain_schema]\n")
+    words = "--config-dir conf network=plain debug=fast mapper=[cvae-hm] pictures=false evaluation.occlusion=false trainer.threads=1"
+    done = subprocess.run([sys.executable, "-m", "mine", *words.split()], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert read_result(tmp_path / "outputs/debug/run/result.json")[1]["config"]["network"]["kind"] == "plain"
 
 
 def test_the_yaml_builds_what_the_page_says():

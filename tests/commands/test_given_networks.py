@@ -121,7 +121,7 @@ def test_two_mappers_of_one_name_are_refused_wherever_they_are_chosen(tmp_path):
         assert done.returncode == 2 and "got hm and hm2, both called hm" in done.stderr
     (tmp_path / "mapper/hm2.yaml").rename(tmp_path / "mapper/hm.yaml")
     done = train(tmp_path, "-cd", str(tmp_path), "mapper=[hm]", "debug=fast")
-    assert done.returncode == 2 and "hm.yaml: hilbertvae comes with a mapper/hm.yaml of its own" in done.stderr
+    assert done.returncode == 2 and "hm.yaml: hilbertvae has its own mapper/hm.yaml" in done.stderr
     assert not (tmp_path / "outputs").exists()
 
 

@@ -178,3 +178,10 @@ def test_pictures_of_one_gap_seed_s_gaps_say_of_which(tmp_path, monkeypatch, see
     said = {name: figure.get_suptitle() for name, figure in drawn.items()}
     of_gaps = "gap seed 3, the first of 2" if len(seeds) > 1 else "gap seed 3"
     assert said == {**dict.fromkeys(("map", "gaps", "reliability"), of_gaps), "precision_recall": "", "sites": ""}
+
+
+def test_a_site_with_too_few_returns_for_a_box_has_no_pictures_of_boxes():
+    site = room()
+    mapper = HilbertMap(reconstructor())
+    few = site.fit.select(np.append(np.flatnonzero(site.fit.occupied)[:2], np.flatnonzero(~site.fit.occupied)))
+    assert _network_figures(mapper, site, few, Gaps(np.zeros((1, 2)), np.ones(1), 0.1)) == {}

@@ -69,7 +69,7 @@ def test_reliability_by_brute_force():
         inside = (probability >= b / 15) & ((probability < (b + 1) / 15) | (b == 14))
         assert (count[b], mean[b], share[b]) == pytest.approx((inside.sum(), probability[inside].mean(), occupied[inside].mean()))
     figure = reliability_picture({"cvae-hm": (occupied, probability), "nearest": (occupied, np.zeros(len(occupied)))}, "room")
-    assert "ECE" in figure.axes[0].get_legend().get_texts()[0].get_text()
+    assert "ECE" in figure.legends[0].get_texts()[0].get_text()
     figure.draw_without_rendering()
 
 

@@ -11,10 +11,10 @@ from hilbertvae.scoring.protocol import Protocol, evaluate
 from hilbertvae.site import Site
 
 QUICK = Protocol(gap_seeds=[0], cluster_size_m=3.0, occlusion=False)
-CARD = {"trained_on": ["aces"], "started_from": {"trained_on": ["fhw", many_simulated("buildings", 5, 100)]}}
+CARD = {"trained_on": ["aces", "drives/monday.log"], "started_from": {"trained_on": ["fhw", many_simulated("buildings", 5, 100)]}}
 
 
-@pytest.mark.parametrize("name", ["aces", "fhw", "simulated:100", "simulated:104"])
+@pytest.mark.parametrize("name", ["aces", "fhw", "fhw-corrected.log.gz", "monday.log", "simulated:100", "simulated:104"])
 def test_a_site_that_a_network_was_trained_on_is_told_of(room, name):
     mapper = Spy()
     mapper.reconstructor = SimpleNamespace(card=CARD)

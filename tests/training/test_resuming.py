@@ -3,6 +3,7 @@
 import json
 import shutil
 import threading
+import warnings
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -218,3 +219,16 @@ def test_a_job_whose_network_is_kept_trains_anew_what_another_left(change, tmp_p
     train(settings)
     assert steps == list(range(TRAINER.epochs * TRAINER.steps_per_epoch))
     assert len(list((tmp_path / "trained").glob("*.safetensors"))) == 2
+
+
+def test_a_training_that_goes_on_by_other_code_says_so(finished, tmp_path, monkeypatch, capsys):
+    """A long one may have to; whoever has changed the network wants to know that its weights are of before."""
+    settings = replace(finished[0], output=str(tmp_path / "again"))
+    shutil.copytree(finished[0].output, settings.output)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message=".*other code.*")
+        train(settings)
+    assert "again: its network was trained before" in capsys.readouterr().out
+    monkeypatch.setattr("hilbertvae.training.kept_network.code_hash", lambda parts: "another")
+    with pytest.warns(UserWarning, match="again: was begun by other code than today's, which goes on from its weights; remove the folder"):
+        train(settings)

@@ -1,4 +1,4 @@
-"""Objects from configuration: the one place that calls `instantiate`, which builds mappers of this package alone."""
+"""Objects from configuration: the one place that calls `instantiate`, which builds mappers alone, of this package or of one's own."""
 
 from __future__ import annotations
 
@@ -6,15 +6,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from hydra.errors import InstantiationException
-from hydra.utils import instantiate
+from hydra.utils import get_class, instantiate
 
 from hilbertvae.checks import InputError
 from hilbertvae.mappers.hilbert_map import HilbertMap
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.precision import check_device
 from hilbertvae.training.settings import TRAINED
-
-ALLOWED = "hilbertvae."
 
 
 def build_mappers(specifications: dict[str, dict]) -> dict[str, Mapper]:
@@ -24,8 +22,7 @@ def build_mappers(specifications: dict[str, dict]) -> dict[str, Mapper]:
 
 def _build_mapper(name: str, specification: dict) -> Mapper:
     target = specification.get("_target_") if isinstance(specification, dict) else None
-    if not isinstance(target, str) or not target.startswith(ALLOWED):
-        raise InputError(f"mapper.{name}._target_: expected a class below {ALLOWED}, got {target!r}")
+    _check_target(name, target)
     if "seed" in specification:
         raise InputError(f"mapper.{name}.seed: expected none, since each gap seed is a mapper's, too (`evaluation.gap_seeds`)")
     try:
@@ -34,8 +31,6 @@ def _build_mapper(name: str, specification: dict) -> Mapper:
         said = str(error).splitlines()[-1] if str(error) else ""
         cause = str(error.__cause__ or "")
         raise InputError(f"mapper.{name}: {said if cause in said else f'{said} ({cause})'}") from error
-    if not isinstance(mapper, Mapper):
-        raise InputError(f"mapper.{name}._target_: expected a Mapper, got {type(mapper).__name__}")
     with _under(f"mapper.{name}"):  # before a network is trained for it
         mapper.check_settings()
         if isinstance(mapper, HilbertMap):
@@ -45,6 +40,16 @@ def _build_mapper(name: str, specification: dict) -> Mapper:
             if mapper.device != "auto":
                 check_device(mapper.device)
     return mapper
+
+
+def _check_target(name: str, target: object) -> None:
+    """An `InputError` for anything but the path of a `Mapper`'s class, before it is called."""
+    try:
+        kind = get_class(target) if isinstance(target, str) else None
+    except Exception as error:  # whatever the import of a module raises
+        raise InputError(f"mapper.{name}._target_: {str(error).splitlines()[0] if str(error) else type(error).__name__}") from error
+    if not (isinstance(kind, type) and issubclass(kind, Mapper)):
+        raise InputError(f"mapper.{name}._target_: expected the path of a Mapper's class, as package.module.Class, got {target!r}")
 
 
 @contextmanager

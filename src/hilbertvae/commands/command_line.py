@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from hilbertvae.checks import InputError
 from hilbertvae.commands.configuration import CONF, SWEEPS
 
-WITH_VALUE = ("-c", "-cd", "-cn", "-cp", "--cfg", "--config-dir", "--config-name", "--config-path")
+WITH_VALUE = ("-c", "-cd", "-cn", "-cp", "-p", "--cfg", "--config-dir", "--config-name", "--config-path", "--package")
 """Hydra's options whose value is the next word."""
+INFO = ("-i", "--info")
+ABOUT = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
+"""The option that may have a value, and what it may be."""
 
 
-def options_first(words: list[str]) -> list[str]:
-    """The same words with Hydra's options before the settings: argparse calls settings behind a later option unrecognised."""
-    options, settings, rest = [], [], iter(words)
-    for word in rest:
-        is_option = word.startswith("-")
-        (options if is_option else settings).append(word)
-        if is_option and word in WITH_VALUE:
-            options += [value for value in [next(rest, None)] if value is not None]
-    return [*options, *settings]
+def options_last(words: list[str]) -> list[str]:
+    """The same words with Hydra's options behind the settings: argparse calls settings on both sides of one unrecognised."""
+    options, settings, is_value = [], [], False
+    for word, following in zip(words, [*words[1:], ""], strict=True):
+        (options if is_value or word.startswith("-") else settings).append(word)
+        is_value = not is_value and (word in WITH_VALUE or (word in INFO and following in ABOUT))
+    return [*settings, *options]
 
 
 def refuse_shadowed(words: list[str]) -> None:
@@ -30,7 +32,8 @@ def refuse_shadowed(words: list[str]) -> None:
         if option not in ("--config-dir", "-cd"):
             continue
         folder = Path(value or following)
-        for own in sorted(folder.rglob("*.yaml")):
+        found = [Path(place, file) for place, _, files in os.walk(folder, followlinks=True) for file in files if file.endswith(".yaml")]
+        for own in sorted(found):
             name = own.relative_to(folder)
             if any((theirs / name).exists() and not (theirs / name).samefile(own) for theirs in (CONF, SWEEPS)):
-                raise InputError(f"--config-dir: {own}: hilbertvae comes with a {name} of its own; expected another name")
+                raise InputError(f"--config-dir: {own}: hilbertvae has its own {name}; expected another name")

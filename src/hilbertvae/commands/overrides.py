@@ -73,14 +73,18 @@ def _refuse_of_no_site(settings: Settings, overrides: list[str], training: bool)
             raise InputError(f"{key}: expected none {why}")
 
 
-def refuse_of_one_name(overrides: list[str]) -> None:
+def refuse_of_one_name(overrides: list[str], config_name: str = "config") -> None:
     """An `InputError` for mappers that would be one row: several of the files chosen, typed or by an experiment, write a name, as `hm` and
-    `hm-3d`."""
+    `hm-3d`. One may well extend another, by its own defaults. config_name: of the primary configuration."""
     loader = GlobalHydra.instance().config_loader()
-    chosen = loader.compute_defaults_list("config", overrides, RunMode.RUN).defaults
+    listed = loader.compute_defaults_list(config_name, overrides, RunMode.RUN).defaults
+    parents = {one.config_path: one.parent or "" for one in listed if (one.config_path or "").startswith("mapper/")}
     named: dict[str, str] = {}
-    for path in (one.config_path for one in chosen if (one.config_path or "").startswith("mapper/")):
-        option = path.removeprefix("mapper/")
+    for path in parents:
+        chosen = path
+        while parents[chosen] in parents and parents[chosen] != chosen:
+            chosen = parents[chosen]
+        option = chosen.removeprefix("mapper/")
         found = loader.repository.load_config(path)  # type: ignore[attr-defined] (of Hydra's only loader)
         for name in found.config if found else []:
             if name != "defaults" and (other := named.setdefault(name, option)) != option:
@@ -125,7 +129,8 @@ def _refuse_without_network(settings: Settings, overrides: list[str]) -> None:
         return
     for key in _typed_keys(overrides):
         of_network = key.partition(".")[0] in OF_A_NETWORK and key.partition(".")[0] not in OF_RAW_GRIDS
-        if of_network or (key.startswith(OF_A_TRAINING) and key not in OF_A_SCORING_TOO) or key in OF_A_TRAINING_ALONE:
+        of_weights = key in OF_ITS_WEIGHTS or key == "flips"
+        if of_network or of_weights or (key.startswith(OF_A_TRAINING) and key not in OF_A_SCORING_TOO) or key in OF_A_TRAINING_ALONE:
             raise InputError(f"{key}: expected none where no mapper has a network")
 
 

@@ -172,23 +172,23 @@ def job_overrides(config: DictConfig) -> list[list[str]]:
 def telling_words(config: DictConfig) -> str:
     """What gives each job a folder of its own: an override that names it after what varies from job to job, and by its number where that
     makes no name of a folder: a list of mappers, or a path. The name ends in the seed, as `hilbertvae-table` reads it. A sweep has one job
-    for each case and seed, so that all else that varies makes several sweeps, each in a folder of its own."""
-    sweep = config.hydra.runtime.choices.get("sweep")
-    own = {"seed", f"cases/{sweep}"} if sweep else {"seed"}
+    for each value of its own axes and each seed; what else varies makes several sweeps."""
     values: dict[str, set[str]] = {}
     for words in job_overrides(config):
         for key, _, value in (word.lstrip("+").partition("=") for word in words):
             values.setdefault(key, set()).add(value)
-    varied = {key: found for key, found in values.items() if len(found) > 1 and key not in own}
+    varied = {key: found for key, found in values.items() if len(found) > 1 and key != "seed"}
+    if config.hydra.runtime.choices.get("sweep"):
+        further = ", ".join(key for key in varied if key not in (config.hydra.sweeper.params or {}))
+        return f"start one sweep for each value of {further}, each with a `name` of its own" if further else "leave hydra.sweep.subdir out"
     if not varied:
-        return "leave out that word"
+        return "expected different seeds, or settings, in each"
     parts = []
     for key in (key for key, found in varied.items() if all(map(NAME_OF_VALUE.fullmatch, found))):
         value = f"hydra:runtime.choices.{key}" if key in config.hydra.runtime.choices else key
         parts.append(f"{key.replace('/', '.').rpartition('.')[2]}-${{{value}}}")
     numbered = [] if len(parts) == len(varied) else ["job-${hydra:job.num}"]
-    told = "_".join(parts + numbered)
-    return f"add 'name={config.name}_{told}'" if sweep else f"add 'hydra.sweep.subdir={told}-seed${{seed}}'"
+    return f"add 'hydra.sweep.subdir={'_'.join(parts + numbered)}-seed${{seed}}'"
 
 
 def what_failed(folder: Path, scored: bool) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import sys
 from importlib.util import find_spec
 
@@ -16,7 +17,7 @@ from omegaconf import DictConfig, OmegaConf
 from hilbertvae import __version__
 from hilbertvae.checks import InputError, how_to_install
 from hilbertvae.commands.clustering_study import has_study, run_clustering, write_clustering_failure
-from hilbertvae.commands.command_line import options_first, refuse_shadowed
+from hilbertvae.commands.command_line import options_last, refuse_shadowed
 from hilbertvae.commands.configuration import CONF, to_settings
 from hilbertvae.commands.gpus import give_gpus, remember_gpus, see_remembered_gpus
 from hilbertvae.commands.hydra_files import HydraFiles
@@ -55,7 +56,7 @@ def _application(config: DictConfig) -> None:
         if "joblib" in launcher or "LocalLauncher" in launcher:
             give_gpus(config.trainer.devices)  # first of all, since to check `device` is to use a GPU
         settings = to_settings(config)
-        refuse_of_one_name(list(job.overrides.task))
+        refuse_of_one_name(list(job.overrides.task), job.job.config_name)
         refuse_ignored(settings, list(job.overrides.task))
         if not many:
             refuse_idle(settings, list(job.overrides.task))
@@ -112,7 +113,7 @@ def main() -> None:
     if "--version" in words:  # Hydra would print its own
         print(f"hilbertvae {__version__}")
         return
-    if {"-m", "--multirun"} & set(words) and {"-c", "--cfg"} & set(words):  # Hydra would raise a traceback
+    if {"-m", "--multirun"} & set(words) and any(re.match("--cfg(=|$)|-c(?!d|n|p)", word) for word in words):  # else a traceback
         print("hilbertvae-train: --cfg shows one job's settings: leave out -m, for a sweep's first job", file=sys.stderr)
         sys.exit(2)
     if any(word.startswith("sweep=") for word in words) and not {"-m", "--multirun", "-c", "--cfg", "-h", "--help"} & set(words):
@@ -130,7 +131,7 @@ def main() -> None:
     except InputError as error:
         print(f"hilbertvae-train: {error}", file=sys.stderr)
         sys.exit(2)
-    sys.argv[1:] = options_first(words)
+    sys.argv[1:] = options_last(words)
     remember_gpus()
     with stopped_by_signals():  # else a launcher's workers, or a scoring's, would go on without it
         try:

@@ -83,6 +83,8 @@ def replace_map(folder: Path, output: Path, files: list[str]) -> None:
     earlier = listed_files(output)
 
     def replace() -> None:
+        if (output / SUMMARY).is_symlink():  # what it leads to is nobody's here, as what other links lead to
+            (output / SUMMARY).unlink()
         write_json(output / SUMMARY, {"files": sorted({*earlier, *files}), "unfinished": True})
         for file in (*files, SUMMARY):
             os.replace(folder / file, output / file)

@@ -44,10 +44,10 @@ def evidence_of(arrays: dict[str, np.ndarray], dimension: int, resolution_m: flo
         if not (np.isfinite(found) & (found >= 0)).all():
             raise InputError(f"{name}s: expected counts, got some that are negative, NaN or inf")
         mean = _array(arrays, f"{name}_mean", "f", (np.count_nonzero(found), dimension))
-        if not ((mean >= MARGIN) & (mean <= 1 - MARGIN)).all():
+        if not ((mean > 0) & (mean < 1)).all():
             raise InputError(f"{name}_mean: expected places within a voxel, from 0 to 1")
         votes.append(found)
-        means.append(mean.astype(np.float32))
+        means.append(np.clip(mean, MARGIN, 1 - MARGIN).astype(np.float32))  # older maps have places nearer to a side
     if not (votes[0] + votes[1] > 0).all():
         raise InputError("hits, frees: expected votes of every voxel seen")
     # Last of all: the places take a hundred times as much memory as the bits that say them.

@@ -89,7 +89,9 @@ def pipeline_picture(
     titles = ["cloud", "cluster", "aligned grid", "reconstruction", "truth"]
     # The unknown around a cloud is cut to 1 : 2 at most by its own shape, so that its panel stays in a row with square ones.
     height_m = _layer_height(frames, cluster, layer, settings.cells)
-    raster = Raster.around(cloud.points, reconstructor.resolution_m, height_m=height_m)
+    reach = _reach(frames, cluster, settings.cluster_diameter_m)
+    around = np.concatenate([cloud.points, frames.centre[cluster] + [[-reach], [reach]]])  # a corridor is narrower than its boxes
+    raster = Raster.around(around, reconstructor.resolution_m, height_m=height_m)
     aspect = float(np.clip(raster.columns / raster.rows, 0.5, 2.0))
     figure = new_figure(3.1 * (aspect + len(titles) - 1) + 1.0, 3.5)
     panels = figure.subplots(1, len(titles), width_ratios=[aspect] + [1] * (len(titles) - 1))
@@ -115,6 +117,11 @@ def _layer_height(frames: Frames, cluster: int, layer: int | None, cells: int) -
     return float(frames.centre[cluster, 2] + ((layer + 0.5) / cells - 0.5) * frames.scale[cluster])
 
 
+def _reach(frames: Frames, cluster: int, diameter_m: float) -> float:
+    """How far a cluster's ball and its box reach from its middle, along an axis."""
+    return max(frames.scale[cluster] * math.sqrt(2) / 2 if frames.turned else frames.scale[cluster] / 2, diameter_m / 2)
+
+
 def _outline_frame(axes: Axes, frames: Frames, cluster: int, diameter_m: float) -> None:
     """The cluster's ball and its grid's box, seen from above."""
     corners = np.zeros((4, frames.centre.shape[1]))
@@ -136,7 +143,7 @@ def _scatter_cluster(axes: Axes, cloud: Cloud, frames: Frames, cluster: int, dia
             points = cloud.points[shown & (inside == ball) & (cloud.occupied == occupied)]
             axes.scatter(points[:, 0], points[:, 1], s=size, color=colour, alpha=alpha, linewidths=0)
     _outline_frame(axes, frames, cluster, diameter_m)
-    reach = max(frames.scale[cluster] * math.sqrt(2) / 2 if frames.turned else frames.scale[cluster] / 2, diameter_m / 2) * 1.03
+    reach = _reach(frames, cluster, diameter_m) * 1.03
     axes.set(xlim=(centre[0] - reach, centre[0] + reach), ylim=(centre[1] - reach, centre[1] + reach), aspect="equal")
     bare_axes(axes)
     scale_bar(axes)

@@ -211,6 +211,8 @@ def _network_figures(mapper: HilbertMap, site: Site, shown: Cloud, gaps: Gaps) -
     conditional one several completions of each gap."""
     network = mapper.reconstructor
     frames = find_frames(shown, network.grid, mapper.seed)
+    if not len(frames):  # too few returns for any
+        return {}
     labels, target = (bin_grids(cloud, frames, network.grid) for cloud in (shown, site.whole))
     chosen = gapped_clusters(labels, target)
     grids = bin_shown(shown, frames.select(chosen), network.grid, network.detailed)

@@ -91,7 +91,7 @@ def reliability_picture(answers: Mapping[str, tuple[np.ndarray, np.ndarray]], ti
 
     answers: by mapper, labels (Q,) bool and p(occupied) (Q,). On the diagonal a probability means what it says.
     """
-    figure = new_figure(5.2, 5.8)
+    figure = new_figure(5.2, 5.8 + 0.2 * len(answers))
     axes, counts = figure.subplots(2, 1, sharex=True, height_ratios=[4, 1])
     axes.plot([0, 1], [0, 1], color="#9a9a9a", linewidth=1, zorder=1)
     for (name, (occupied, probability)), style in zip(answers.items(), line_styles(answers).values(), strict=True):
@@ -105,7 +105,7 @@ def reliability_picture(answers: Mapping[str, tuple[np.ndarray, np.ndarray]], ti
         counts.stairs(count, np.linspace(0, 1, len(count) + 1), color=style["color"], linestyle=style["linestyle"])
     axes.set(xlim=(0, 1), ylim=(0, 1), ylabel="share that is occupied")
     title_of(axes, title, pad=None)
-    axes.legend(frameon=False, fontsize=9, loc="upper left")
+    figure.legend(*axes.get_legend_handles_labels(), frameon=False, fontsize=9, loc="outside lower center")
     counts.set(yscale="log", xlabel="p(occupied)", ylabel="answers")
     for panel in (axes, counts):
         panel.spines[["top", "right"]].set_visible(False)

@@ -7,6 +7,7 @@ import time
 import warnings
 from collections import defaultdict
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from hilbertvae.cloud import Cloud
 from hilbertvae.gaps import LEAST_SHARE, Gaps, random_gaps
 from hilbertvae.mappers.mapper import Mapper
 from hilbertvae.reconstruction.training_card import trained_on
+from hilbertvae.scans.sites import CATALOGUE
 from hilbertvae.scoring.answers import answers, spreads, warn_of_voxels
 from hilbertvae.scoring.cases import Case, gap_case, occluded_parts, occlusion_case
 from hilbertvae.scoring.ceiling import ceiling
@@ -92,8 +94,9 @@ def evaluate_alike(mappers: dict[str, Mapper], site: Site, protocol: Protocol, p
                         warn_of_voxels(mapper, name, site)
         if progress:
             for name, one in found.items():
-                f1, auc = (one.rows["voxels"]["gaps"][metric][-1] for metric in ("f1", "auc"))
-                progress(f"{name} on {site.name}, gap seed {seed}: gaps F1 {f1:.3f} AUC {auc:.3f} (voxels)")
+                f1, auc, asked = (one.rows["voxels"]["gaps"][metric][-1] for metric in ("f1", "auc", "count"))
+                said = f"gaps F1 {f1:.3f} AUC {auc:.3f} (voxels)" if asked else "no voxel is asked in its gaps"
+                progress(f"{name} on {site.name}, gap seed {seed}: {said}")
     return Result(
         site=site.name,
         dimension=site.dimension,
@@ -169,10 +172,12 @@ def _curve(occupied: np.ndarray, probability: np.ndarray) -> list[float]:
 
 
 def _warn_if_trained_on(mapper: Mapper, name: str, site: Site) -> None:
-    """Training and evaluation never share a site (METHOD 0). `hilbertvae-train` refuses to; whoever calls this may want to see it."""
+    """Training and evaluation never share a site (METHOD 0). `hilbertvae-train` refuses to; whoever calls this may want to see it. A site
+    knows its name alone, that of its file or folder where it was at a path."""
     sites, simulated = trained_on(getattr(getattr(mapper, "reconstructor", None), "card", {}))
+    names = {*sites, *(Path(path).name for site in sites for path in (site, CATALOGUE[site].file if site in CATALOGUE else site))}
     number = site.name.removeprefix(SIMULATED)
-    if site.name in sites or (number != site.name and number.isdecimal() and any(int(number) in many for many in simulated)):
+    if site.name in names or (number != site.name and number.isdecimal() and any(int(number) in many for many in simulated)):
         warnings.warn(f"{name}: {site.name} is among what its network was trained on; its scores say nothing of other places", stacklevel=4)
 
 

@@ -89,7 +89,7 @@ def ablation_picture(rows: list[Row]) -> Figure:
     keys = {"gaps_voxels_auc_difference": "gaps, voxels: AUC", "gaps_auc_difference": "gaps, points: AUC"}
     scored = measured_rows(rows, *keys)
     if not scored:
-        return empty_picture(TITLE)
+        return empty_picture(TITLE, f"no case `{DEFAULT}` was scored:\nnothing to differ from" if rows else "nothing was scored")
     figure, axes = panels(list(keys.values()), 4.6, 1.2 + 0.32 * len(scored), sharey=True)
     for panel, key in zip(axes, keys, strict=True):
         means, deviations = percents(scored, key)

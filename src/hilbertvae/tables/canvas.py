@@ -36,9 +36,9 @@ def percents(rows: list[Row], key: str) -> tuple[list[float], list[float]]:
     return [100 * cell.mean for cell in cells], [100 * (cell.sd or 0.0) for cell in cells]
 
 
-def empty_picture(title: str) -> Figure:
-    """A figure that says that there is nothing to draw."""
+def empty_picture(title: str, why: str = "nothing was scored") -> Figure:
+    """A figure that says that there is nothing to draw, and why."""
     figure, (axes,) = panels([title])
-    axes.text(0.5, 0.5, "nothing was scored", ha="center", va="center", transform=axes.transAxes, color=GREY)
+    axes.text(0.5, 0.5, why, ha="center", va="center", transform=axes.transAxes, color=GREY)
     axes.set_axis_off()
     return figure

@@ -111,10 +111,15 @@ def ceiling_note(runs: Sequence[Run]) -> list[str]:
     return [f"Ceiling, the best vote at the map's cell size on held-out beams, P / R (%): {'; '.join(parts)}."] if parts else []
 
 
+def own_network(run: Run, mapper: str | None) -> str:
+    """What the keys of a mapper's network begin with: those of the run's, unless mappers name several."""
+    return f"networks.{mapper}." if run.config(f"networks.{mapper}") else ""
+
+
 def network_of(run: Run, mapper: str | None = None) -> str:
     """The network of a run, or of a mapper that names its own, in words: its kind, channels, cells of its grids and latent dimension;
     nothing of a run without one."""
-    own = f"networks.{mapper}." if run.config(f"networks.{mapper}") else ""
+    own = own_network(run, mapper)
     kind, channels = run.config(f"{own}network.kind"), run.config(f"{own}network.channels")
     if kind is None:
         return ""

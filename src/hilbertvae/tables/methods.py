@@ -19,6 +19,7 @@ from hilbertvae.tables.measure import (
     mapper_groups,
     network_of,
     note_of,
+    own_network,
     score_of,
 )
 from hilbertvae.tables.method_pictures import methods_picture
@@ -166,6 +167,8 @@ def _reasons(mapper: str, run: Run, dimension: int) -> list[str]:
         return [OTHERWISE[mapper]] if mapper in OTHERWISE else []
     if not mapper.endswith("-paper"):
         return [f"{network_of(run, mapper)}; calibrated for {reading_of(mapper)}"]
-    network = {key: run.config(f"network.{key}") for key in PAPER_NETWORK}
-    same = network == PAPER_NETWORK and run.config("grid.cells") == PAPER_CELLS and run.config("network.latent") == PAPER_LATENT[dimension]
-    return [f"the paper's {'network' if same else 'recipe on another network than its baseline'}: {network_of(run)}"]
+    own = own_network(run, mapper)
+    network = {key: run.config(f"{own}network.{key}") for key in PAPER_NETWORK}
+    shape = run.config(f"{own}grid.cells"), run.config(f"{own}network.latent")
+    same = network == PAPER_NETWORK and shape == (PAPER_CELLS, PAPER_LATENT[dimension])
+    return [f"the paper's {'network' if same else 'recipe on another network than its baseline'}: {network_of(run, mapper)}"]

@@ -26,6 +26,11 @@ def kept_name(settings: Settings) -> str:
 
     An `InputError` for a network or likelihood whose code can't be read: it may be another one the next time.
     """
+    return hash_of([training_hash(settings), hilbertvae.__version__, *code_of(settings)])
+
+
+def code_of(settings: Settings) -> list[str]:
+    """The code that trains a network and learns its map's weights; an `InputError` where its own can't be read."""
     code = code_hash((*GRID_SOURCES, "mappers", "reconstruction", "scoring/calibration.py", "scoring/cases.py", "training"))
     check_kind(settings.network)
     network = [type(settings.network), NETWORKS[settings.network.kind][1]]
@@ -34,7 +39,7 @@ def kept_name(settings: Settings) -> str:
         own += map(foreign_source, kinds)
         if None in own:
             raise InputError(f"trained: expected none with a {what} whose code is in no file; write it into a module")
-    return hash_of([training_hash(settings), hilbertvae.__version__, code, *filter(None, own)])
+    return [code, *filter(None, own)]
 
 
 class KeptNetwork:

@@ -104,6 +104,8 @@ def _fit(settings: Settings, after_fit: HilbertMapCallback) -> Path:
     if not (output / CHECKPOINTS / "last.ckpt").exists():
         _check_calibration_sites(settings)
     resume = last_epoch(output, settings)
+    if (_steps_done(resume) or 0) >= settings.trainer.epochs * settings.trainer.steps_per_epoch and first_rank():
+        print(f"{output}: its network was trained before")
     best = MovableCheckpoint(output / CHECKPOINTS, "best", enable_version_counter=False, **BEST)
     # One of its own: `save_last` writes only where an epoch was the best so far, and a resumed run would go back to that.
     last = MovableCheckpoint(output / CHECKPOINTS, "last", enable_version_counter=False)

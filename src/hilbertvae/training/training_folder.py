@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
+import warnings
 from pathlib import Path
 
 from hilbertvae.checks import InputError
-from hilbertvae.files import json_object, write_json
+from hilbertvae.files import hash_of, json_object, write_json
 from hilbertvae.reconstruction.reconstructor import Reconstructor
 from hilbertvae.reports.run_folder import CHECKPOINTS, NETWORK, TRAINING, clear, has_result, is_trained
 from hilbertvae.training.checkpoints import read_checkpoint
-from hilbertvae.training.kept_network import kept_name
+from hilbertvae.training.kept_network import code_of, kept_name
 from hilbertvae.training.settings import Settings
 from hilbertvae.training.training_hash import first_differences, trained_by, training_hash
 
@@ -26,6 +27,7 @@ def last_epoch(output: Path, settings: Settings) -> Path | None:
     if last.exists():
         if is_of(output, settings):
             read_checkpoint(last.with_name("best.ckpt"))  # now: it is asked for after the last epoch
+            _warn_of_other_code(output, settings)
             return last
         print(f"{output}: was trained with other settings, or by other code; trained anew")
     begin_anew(output, settings)
@@ -35,6 +37,7 @@ def last_epoch(output: Path, settings: Settings) -> Path | None:
 def finished_network(output: Path, settings: Settings) -> Reconstructor | None:
     """The network that these settings have trained in a folder whose checkpoints were removed since, to save room."""
     if not _has_checkpoint(output) and is_trained(output, training_hash(settings)):
+        _warn_of_other_code(output, settings)
         return Reconstructor.load(output / NETWORK)
     return None
 
@@ -75,7 +78,21 @@ def begin_anew(output: Path, settings: Settings) -> None:
     if settings.trained or (output / TRAINING).exists():
         shutil.rmtree(output / CHECKPOINTS, ignore_errors=True)
         clear(output)
-    write_json(output / TRAINING, {**_made_of(settings), "settings": _as_read(settings)})
+    write_json(output / TRAINING, {**_made_of(settings), "settings": _as_read(settings), "code": _code(settings)})
+
+
+def _code(settings: Settings) -> str | None:
+    """The hash of the code that trains; None of what was typed into a notebook, which can't be read."""
+    try:
+        return hash_of(code_of(settings))
+    except InputError:
+        return None
+
+
+def _warn_of_other_code(output: Path, settings: Settings) -> None:
+    if (before := json_object(output / TRAINING).get("code")) and before != _code(settings):
+        ways = "remove the folder, or choose another `name`, to train anew"
+        warnings.warn(f"{output}: was begun by other code than today's, which goes on from its weights; {ways}", stacklevel=3)
 
 
 def _as_read(settings: Settings) -> dict:
