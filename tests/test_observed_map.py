@@ -196,7 +196,7 @@ def test_a_map_too_large_to_be_split_stays_whole(monkeypatch):
         ({"image": "map.yaml"}, "can't be read as a PGM"),
         ({"image": "!!python/object/apply:os.system [ls]"}, "can't be read as a map_server YAML"),
         ({"image": "[" * 5000}, "can't be read as a map_server YAML"),
-        ({"comment": "x" * 70_000}, "which is short"),
+        ({"comment": "x" * 70_000}, "of YAML"),
     ],
 )
 def test_bad_headers_are_named(tmp_path, changed, named):
@@ -284,3 +284,13 @@ def test_cells_of_fifty_metres_are_doubted(tmp_path):
     path = write_map(tmp_path, [[0, 254]], resolution="50")
     with pytest.warns(UserWarning, match="has cells of 50 m; are they in millimetres"):
         assert read_given_map(path).cell_m == 50
+
+
+def test_yaml_that_would_grow_beyond_all_memory_is_refused(tmp_path):
+    lines = ["a0: &a0 {x: 1}"] + [f"a{k}: &a{k} {{<<: [{', '.join([f'*a{k - 1}'] * 9)}]}}" for k in range(1, 30)]
+    (tmp_path / "map.yaml").write_text("\n".join(lines))
+    with pytest.raises(InputError, match="map.yaml: expected YAML without aliases"):
+        read_ros_map(tmp_path / "map.yaml")
+    path = write_map(tmp_path, [[0, 254], [254, 0]], resolution=":".join(["59"] * 5000))
+    with pytest.raises(InputError, match="resolution: expected"):
+        read_ros_map(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 from collections.abc import Iterator
@@ -152,7 +153,12 @@ def check_writable(output: Path, key: str = "output") -> None:
     """An `InputError`, which names `key`, where no folder can be made or written, before any work is done for it."""
     if output.is_symlink() and not output.exists():
         raise InputError(f"{key}: expected a folder, {output} is a link to nothing")
-    there = next(folder for folder in (output, *output.resolve().parents) if folder.exists())
+    try:
+        os.lstat(output)
+    except OSError as error:
+        if error.errno in (errno.ELOOP, errno.ENAMETOOLONG):
+            raise InputError(f"{key}: expected a folder, got {output!s:.200} ({error.strerror})") from error
+    there = next(folder for folder in (output, *Path(os.path.realpath(output)).parents) if folder.exists())
     if not there.is_dir():
         raise InputError(f"{key}: expected a folder, {there} is a file")
     if not os.access(there, os.W_OK | os.X_OK):

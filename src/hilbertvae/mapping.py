@@ -110,8 +110,8 @@ def _checked(settings: MapSettings) -> tuple[HilbertMap | None, Path]:
         raise InputError("adapt_steps: expected 0 with fill=off, where no network is asked")
     mapper = load_mapper(settings.weights) if settings.weights else None
     scans = Path(settings.scans)
-    output = Path(settings.output or Path("outputs/maps") / scans.resolve().name)
-    if output.resolve() in (scans.resolve(), (scans / VELODYNE).resolve()):
+    output = Path(settings.output or Path("outputs/maps") / os.path.basename(os.path.realpath(scans)))
+    if os.path.realpath(output) in (os.path.realpath(scans), os.path.realpath(scans / VELODYNE)):
         if scans.is_file():
             raise InputError(f"output: expected a folder, {output} is the file that is read")
         raise InputError(f"output: {output} is the folder that is read, where a map would lie among the scans; choose another")
@@ -152,7 +152,9 @@ def _labelled(scans: str, source: Scans | GivenMap, cell_m: float) -> Cloud:
 
 def _write(settings: MapSettings, exports: list[str], cells: MapCells, points: dict, about: dict, folder: Path, clock: Clock) -> list[str]:
     """Write everything but the map itself, and end the clock; the names of all files but the summary's."""
-    name = Path(settings.scans).resolve().name.encode("utf-8", "replace").decode()  # one of another encoding can't be drawn or written
+    name = (
+        os.path.basename(os.path.realpath(settings.scans)).encode("utf-8", "replace").decode()
+    )  # one of another encoding can't be drawn or written
     write_exports(exports, cells, folder, asked_for=settings.exports is not None)
     write_picture(cells, folder / PICTURE, name)
     clock.stop()

@@ -18,6 +18,7 @@ from PIL import Image
 from hilbertvae.checks import InputError, check_cell_m, check_positive, named
 from hilbertvae.cloud import Cloud, labelled_voxels
 from hilbertvae.scans.file_points import check_fits, reading
+from hilbertvae.scans.plain_yaml import check_plain_yaml
 from hilbertvae.voxel_votes import voxel_index
 
 OCCUPIED_PIXEL, FREE_PIXEL, UNKNOWN_PIXEL = 0, 254, 205
@@ -166,9 +167,7 @@ def ros_map_header(path: str | os.PathLike) -> RosHeader:
         beside = path.with_suffix(".yaml"), path.with_suffix(".yml")
         path = next((file for file in beside if file.exists()), beside[0])
     with reading(path, "a map_server YAML file"):
-        if path.stat().st_size > MOST_YAML_BYTES:
-            raise InputError(f"{path}: expected a map_server YAML file, which is short, got {path.stat().st_size} bytes")
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml.safe_load(check_plain_yaml(path, MOST_YAML_BYTES))
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected keys as image and resolution, got {type(content).__name__}")
     if content.get("hilbertvae_cells") == "all":
@@ -210,7 +209,10 @@ def _number(path: Path, key: str, value) -> float:
 
 def _said(value) -> str:
     """A value of a YAML file in a message: a short file can name a part of it so often that its text would fill the memory."""
-    return repr(str(value)[:60]) if isinstance(value, (str, int, float)) else f"a {type(value).__name__}"
+    try:
+        return repr(str(value)[:60]) if isinstance(value, (str, int, float)) else f"a {type(value).__name__}"
+    except ValueError:  # Python writes no whole number of more than 4300 digits
+        return "a number of thousands of digits"
 
 
 def _image_codes(header: RosHeader) -> np.ndarray:

@@ -203,7 +203,7 @@ _scans_read = LastFew(READ)
 def _scans_at(reference: str, reading: ReadingSettings) -> Scans:
     """The scans at a path, read once while its files stay as they are: a run checks a site, clusters it several times and scores it, and
     each time all messages of a bag would be parsed, or poses be found, again. The `READ` last are kept."""
-    path = Path(reference).resolve()
+    path = Path(os.path.realpath(reference))
     key = hash_of([str(path), file_stamps(path), asdict(reading)])
     return _scans_read.get(key, lambda: _kept_as_is(read_scans_path(reference, reading)))
 
@@ -217,7 +217,7 @@ def _kept_as_is(scans: Scans) -> Scans:
 
 def site_name(reference: str) -> str:
     """The name of a reference's site: that of the file or folder at a path, else the reference itself."""
-    name = Path(reference).resolve().name if is_scan_path(reference) else reference
+    name = os.path.basename(os.path.realpath(reference)) if is_scan_path(reference) else reference
     return name.encode("utf-8", "replace").decode()  # one of another encoding can't be written
 
 

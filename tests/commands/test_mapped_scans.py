@@ -128,3 +128,13 @@ def test_returns_that_ranges_left_out_are_told(room, tmp_path, capsys):
     assert map_command.main([*words, f"output={tmp_path / 'whole'}"]) == 0
     assert "left out" not in capsys.readouterr().out
     assert set(json.loads((tmp_path / "whole" / "summary.json").read_text())["points"]) == {"returns", "scans", "occupied", "free"}
+
+
+@pytest.mark.parametrize("words", [["scans=loop1"], ["scans=drive.log", "output=loop1/maps"]])
+def test_a_loop_of_links_is_refused_in_a_line(tmp_path, monkeypatch, capsys, words):
+    monkeypatch.chdir(tmp_path)
+    write_log(tmp_path / "drive.log", [carmen_line(np.full(180, 3.0), (x, 0, 0)) for x in (0.0, 0.5)])
+    (tmp_path / "loop1").symlink_to("loop2")
+    (tmp_path / "loop2").symlink_to("loop1")
+    assert map_command.main([*words, "exports=[ros]"]) == 2
+    assert "loop1" in capsys.readouterr().err

@@ -9,6 +9,7 @@ from bag_scene import CLOUDS, LIDAR_ON_BASE, bag_file, base_in_odom, write_scene
 from bag_writers import bag, moved
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.bag_files import check_files
 from hilbertvae.scans.bags import read_bag
 from hilbertvae.scans.formats import ReadingSettings, read_scans_path
 
@@ -142,3 +143,11 @@ def test_a_part_that_was_cut_off_is_named(tmp_path, kind, cut):
     file.write_bytes(file.read_bytes()[:-cut] if cut else b"")
     with pytest.raises(InputError, match=file.name):
         read_scans_path(tmp_path / "run")
+
+
+def test_metadata_that_would_grow_beyond_all_memory_is_refused(tmp_path):
+    lines = ["rosbag2_bagfile_information: &a0 {x: 1}", *(f"a{k}: &a{k} {{<<: [*a{k - 1}, *a{k - 1}]}}" for k in range(1, 40))]
+    (tmp_path / "metadata.yaml").write_text("\n".join(lines))
+    (tmp_path / "x.db3").write_bytes(b"SQLite format 3")
+    with pytest.raises(InputError, match="metadata.yaml: expected YAML without aliases"):
+        check_files(tmp_path)

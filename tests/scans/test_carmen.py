@@ -283,3 +283,12 @@ def test_a_second_laser_is_told_of(tmp_path, rear):
     path = write_log(tmp_path / "drive.log", [front, front.replace("FLASER", rear, 1)])
     with pytest.warns(UserWarning, match=f"read are its 1 FLASER messages alone, and not 1 {rear} ones, of a second laser"):
         assert read_carmen(path).scan.max() == 0
+
+
+def test_a_packed_log_that_grows_beyond_all_logs_is_refused(tmp_path):
+    line = (carmen_line(np.full(180, 3.0), (0.0, 0, 0)) + "\n").encode()
+    with gzip.open(tmp_path / "bomb.log.gz", "wb") as file:
+        for _ in range(70):
+            file.write(line * (2**20 // len(line)))
+    with pytest.raises(InputError, match="bomb.log.gz: truncated or forged; its lines claim to unpack"):
+        read_carmen(tmp_path / "bomb.log.gz")

@@ -9,7 +9,9 @@ from training_toys import TRAINER, tiny_settings
 pytest.importorskip("embreex")
 pytestmark = pytest.mark.filterwarnings("ignore")
 
+from hilbertvae.checks import InputError  # noqa: E402
 from hilbertvae.reconstruction.reconstructor import Reconstructor  # noqa: E402
+from hilbertvae.training.checkpoints import read_checkpoint  # noqa: E402
 from hilbertvae.training.reconstruction_module import ReconstructionModule  # noqa: E402
 from hilbertvae.training.train import train  # noqa: E402
 
@@ -62,3 +64,10 @@ def test_patience_that_ended_has_ended_when_the_run_is_asked_again(tmp_path, epo
     epochs.clear()
     train(settings)
     assert not epochs
+
+
+@pytest.mark.parametrize("saved", [{}, [1], {"state_dict": 3, "epoch": 1, "global_step": 2}])
+def test_a_checkpoint_of_another_program_is_refused_by_its_name(tmp_path, saved):
+    torch.save(saved, tmp_path / "last.ckpt")
+    with pytest.raises(InputError, match="last.ckpt: expected a whole checkpoint for the run to go on from"):
+        read_checkpoint(tmp_path / "last.ckpt")

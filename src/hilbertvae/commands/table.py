@@ -8,6 +8,7 @@ from pathlib import Path
 
 from hilbertvae import __version__
 from hilbertvae.checks import InputError
+from hilbertvae.signals import stopped_by_signals
 from hilbertvae.tables.kinds import KINDS
 from hilbertvae.terminal import show_any_text
 
@@ -21,10 +22,14 @@ def main(words: list[str] | None = None) -> int:
     parser.add_argument("--version", action="version", version=f"hilbertvae {__version__}")
     given = parser.parse_args(words)
     show_any_text()
-    from hilbertvae.tables.write import write_tables  # here: --help and typing errors wait for neither scikit-learn nor matplotlib
-
     try:
-        print(write_tables(given.folder, given.output, given.sweep), end="")
+        with stopped_by_signals():
+            from hilbertvae.tables.write import write_tables  # here: --help and typing errors wait for neither scikit-learn nor matplotlib
+
+            print(write_tables(given.folder, given.output, given.sweep), end="")
+    except KeyboardInterrupt:
+        print("hilbertvae-table: stopped", file=sys.stderr)
+        return 130
     except (InputError, OSError) as error:
         print(f"hilbertvae-table: {error}", file=sys.stderr)
         return 2

@@ -26,7 +26,7 @@ WRITING, HELD = ".writing-", ".held"
 
 def scans_hash(scans: Path) -> str:
     """What tells the scans of a map from others of the same name: where they lie, of which nothing is to be read from it elsewhere."""
-    return hash_of(str(scans.resolve()))
+    return hash_of(os.path.realpath(scans))
 
 
 def listed_files(output: Path) -> set[str]:
@@ -64,8 +64,9 @@ def check_output(output: Path, scans: Path, exports: list[str], by_name: bool, b
     there = {name for name in written if (output / name).exists()}
     earlier = listed_files(output)
     for read in (scans, *beside):
-        named = {(place.parent.resolve(), place.name) for place in (read, read.resolve())}  # a link, and what it leads to
-        if any(folder == output.resolve() and name in there | earlier for folder, name in named):
+        places = (read, Path(os.path.realpath(read)))  # a link, and what it leads to
+        named = {(os.path.realpath(place.parent), place.name) for place in places}
+        if any(folder == os.path.realpath(output) and name in there | earlier for folder, name in named):
             raise InputError(f"output: {read} is what is read, and would be replaced or removed; choose another folder")
     check_replaced(output, written, "output")
     if by_name and earlier and json_object(output / SUMMARY).get("scans_hash") not in (None, scans_hash(scans)):

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from hilbertvae.checks import named
 from hilbertvae.cloud import Cloud
 from hilbertvae.mappers.octomap_mapper import OCTREES, read_octree
 from hilbertvae.mappers.octree_cloud import octree_cloud
@@ -84,8 +83,7 @@ def _octree(path: str | os.PathLike) -> GivenMap:
     mapper = read_octree(path)
 
     def cloud(resolution_m: float) -> Cloud:
-        with named(path):
-            return octree_cloud(mapper, resolution_m)
+        return octree_cloud(mapper, resolution_m)
 
     return GivenMap(len(mapper.shift_), mapper.resolution_, cloud, (Path(path),))
 

@@ -165,6 +165,10 @@ class Reconstructor:
         if not path.is_file():
             raise InputError(f"{path}: no such checkpoint; expected a model.safetensors, or one of {', '.join(SHIPPED)}")
         try:
+            path.open("rb").close()  # of a file that may not be read safetensors says that it is not there
+        except OSError as error:
+            raise InputError(f"{path}: can't be read ({error.strerror})") from error
+        try:
             with safe_open(path, framework="pt") as file:
                 metadata = file.metadata() or {}
                 tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (not a dict)

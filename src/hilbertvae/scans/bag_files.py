@@ -9,10 +9,14 @@ import shlex
 from pathlib import Path
 
 from hilbertvae.checks import InputError
+from hilbertvae.scans.file_points import reading
+from hilbertvae.scans.plain_yaml import check_plain_yaml
 from hilbertvae.scans.pose_track import LONGEST_HOLE_S
 
 BAG_FILES = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
+MOST_METADATA_BYTES = 2**24
+"""A recording of a thousand files has a hundredth of it."""
 MCAP_ENDS = b"\x89MCAP0\r\n"
 """What an MCAP file begins and ends with."""
 ROS1, ROS1_HEADER = b"#ROSBAG V2.0\n", 4096 + 13
@@ -65,6 +69,9 @@ def _numbered(folder: Path) -> list[Path]:
 def check_files(path: Path) -> None:
     """An `InputError` for a .db3 of which rosbags would read another file, or a part: it hands its path to SQLite as a URI, unescaped,
     and doesn't look at what a recorder that was cut off has left in the log beside it. Also for an .mcap or a .bag that was cut off."""
+    if (path / METADATA).is_file():
+        with reading(path / METADATA, "metadata of a bag (YAML)"):
+            check_plain_yaml(path / METADATA, MOST_METADATA_BYTES)
     for file in sorted(path.iterdir()) if path.is_dir() else [path]:
         if file.suffix.lower() == ".mcap" and file.is_file():
             _check_end(file)

@@ -15,7 +15,7 @@ import numpy as np
 from hilbertvae.checks import InputError, check_positive
 from hilbertvae.scans.beam_lengths import ClippedCheck, UnitCheck
 from hilbertvae.scans.carmen_messages import MESSAGES, beam_step_deg
-from hilbertvae.scans.file_points import check_reading
+from hilbertvae.scans.file_points import check_expansion, check_reading
 from hilbertvae.scans.rounded import warn_of_few_digits
 from hilbertvae.scans.scan import Scans
 
@@ -104,10 +104,14 @@ def _lines(path: Path):
     """Numbered raw lines of a plain or gzipped file."""
     try:
         with open(path, "rb") as raw:  # once: a pipe can't be opened again
-            file = gzip.GzipFile(fileobj=raw) if raw.peek(2)[:2] == b"\x1f\x8b" else raw
+            packed, size, unpacked = raw.peek(2)[:2] == b"\x1f\x8b", os.fstat(raw.fileno()).st_size, 0
+            file = gzip.GzipFile(fileobj=raw) if packed else raw
             for number, line in enumerate(iter(lambda: file.readline(MAX_LINE + 1), b""), start=1):
                 if len(line) > MAX_LINE:  # a packed file of a megabyte can hold a line of a gigabyte
                     raise InputError(f"{path}, line {number}: expected a CARMEN log, got a line of more than {MAX_LINE} bytes")
+                unpacked += len(line)
+                if packed and size:  # of a pipe nobody knows
+                    check_expansion(path, "its lines", unpacked, size)
                 yield number, line.removeprefix(codecs.BOM_UTF8) if number == 1 else line
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file; expected a CARMEN log (.log or .log.gz)") from error

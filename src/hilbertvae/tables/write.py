@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 from hilbertvae.drawing.canvas import save_picture
 from hilbertvae.files import atomic
+from hilbertvae.signals import to_its_end
 from hilbertvae.tables.layouts import read_page
 
 
@@ -22,8 +24,9 @@ def write_tables(folder: str | os.PathLike, output: str | os.PathLike | None = N
     page = read_page(folder, kind)
     figure = page.figure()
     texts = {"table.md": page.markdown(), **page.csv_files()}
-    for name, content in texts.items():
-        with atomic(output / name) as temporary:
-            temporary.write_text(content, encoding="utf-8", newline="")
-    save_picture(figure, output / "figure.png")
+    with ExitStack() as files:  # all or none: a new table beside an old figure would pass for one
+        for name, content in texts.items():
+            files.enter_context(atomic(output / name)).write_text(content, encoding="utf-8", newline="")
+        save_picture(figure, files.enter_context(atomic(output / "figure.png")))
+        to_its_end(files.pop_all().close)
     return texts["table.md"]

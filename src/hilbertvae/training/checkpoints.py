@@ -54,7 +54,10 @@ class PatienceOnce(EarlyStopping):
 def read_checkpoint(path: str | os.PathLike) -> dict:
     """What a checkpoint of a training holds; an `InputError` for one that is missing or damaged, without which a run can't go on."""
     try:
-        return torch.load(path, map_location="cpu", weights_only=True)
+        saved = torch.load(path, map_location="cpu", weights_only=True)
+        if not (isinstance(saved, dict) and isinstance(saved.get("state_dict"), dict) and {"epoch", "global_step"} <= saved.keys()):
+            raise EOFError  # of another program's
+        return saved
     except (OSError, EOFError, RuntimeError, UnpicklingError) as error:
         # Not in torch's words, which advise to trust the file, or are of a seek before its start.
         why = error.strerror if getattr(error, "filename", None) else "cut off, or of something else"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import suppress
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from filelock import FileLock
 
 import hilbertvae
 from hilbertvae.checks import InputError
-from hilbertvae.files import copy_file, hash_of, write_json
+from hilbertvae.files import copy_file, hash_of, json_object, write_json
 from hilbertvae.reconstruction.likelihood import LIKELIHOODS
 from hilbertvae.reconstruction.networks import NETWORKS, check_kind
 from hilbertvae.reconstruction.reconstructor import Reconstructor
@@ -66,8 +65,8 @@ class KeptNetwork:
         self.release()
         reconstructor = Reconstructor.load(self.path)
         if self._made.exists():  # one that was copied here may have come without
-            made = json.loads(self._made.read_text(encoding="utf-8"))
-            reconstructor.seconds, self.trained_in = made["seconds"], made["trained_in"]
+            made = json_object(self._made)
+            reconstructor.seconds, self.trained_in = made.get("seconds", {}), made.get("trained_in", "")
         copy_file(self.path, copy)
         return reconstructor
 

@@ -24,7 +24,9 @@ class KeptWeights:
     def take(self) -> tuple[dict, float] | None:
         """The weights by reading, and how many seconds it took to learn them; None where there are none of this network."""
         found = json_object(self.path)
-        return (found["weights"], found["seconds"]) if self._of and found.get("of") == self._of else None
+        weights, seconds = found.get("weights"), found.get("seconds")
+        whole = isinstance(weights, dict) and isinstance(seconds, (int, float))  # else they are learned anew
+        return (weights, seconds) if whole and self._of and found.get("of") == self._of else None
 
     def keep(self, weights: dict, seconds: float) -> None:
         """Written whole or not at all."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -73,14 +74,14 @@ def place(reference: str) -> str:
         return f"{SIMULATED}{number}"
     if not is_scan_path(reference):
         return reference
-    path = Path(reference).resolve()
+    path = Path(os.path.realpath(reference))
     found = _contents(path)
     return next((entry.name for entry in CATALOGUE.values() if entry.sha256 == found), found or str(path))
 
 
 def _lies_among(site: str, others: Sequence[str]) -> bool:
     """Whether a site's files are some of another's, as one scan of a folder, or the other way round."""
-    path, paths = Path(site).resolve(), [Path(other).resolve() for other in others if is_scan_path(other)]
+    path, paths = Path(os.path.realpath(site)), [Path(os.path.realpath(other)) for other in others if is_scan_path(other)]
     return is_scan_path(site) and any(path.is_relative_to(other) or other.is_relative_to(path) for other in paths)
 
 
