@@ -152,9 +152,8 @@ def _labelled(scans: str, source: Scans | GivenMap, cell_m: float) -> Cloud:
 
 def _write(settings: MapSettings, exports: list[str], cells: MapCells, points: dict, about: dict, folder: Path, clock: Clock) -> list[str]:
     """Write everything but the map itself, and end the clock; the names of all files but the summary's."""
-    name = (
-        os.path.basename(os.path.realpath(settings.scans)).encode("utf-8", "replace").decode()
-    )  # one of another encoding can't be drawn or written
+    name = os.path.basename(os.path.realpath(settings.scans))
+    name = name.encode("utf-8", "replace").decode()  # one of another encoding can't be drawn or written
     write_exports(exports, cells, folder, asked_for=settings.exports is not None)
     write_picture(cells, folder / PICTURE, name)
     clock.stop()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scikit_learn_checks import IN_OTHER_DIMENSIONS
 from sklearn.base import clone
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
@@ -72,17 +73,7 @@ EXPECTED_FAILURES = {
     },
     GpomMapper: {"check_sample_weight_equivalence_on_dense_data": "a label of weight n has a noise that is not that of n labels"},
     **dict.fromkeys([FixedGridMapper, FourierMapper, NystroemMapper], {"check_sample_weight_equivalence_on_dense_data": GRADIENT}),
-    LardMapper: {
-        name: QUICK_MEANS
-        for name in [
-            "check_dtype_object",
-            "check_estimators_dtypes",
-            "check_fit2d_1feature",
-            "check_n_features_in_after_fitting",
-            "check_positive_only_tag_during_fit",
-            "check_sample_weight_equivalence_on_dense_data",
-        ]
-    },
+    LardMapper: dict.fromkeys(IN_OTHER_DIMENSIONS, QUICK_MEANS),
 }
 
 
