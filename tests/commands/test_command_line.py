@@ -9,7 +9,7 @@ from hilbertvae.commands.configuration import CONF
 
 
 @pytest.mark.parametrize(("typed", "expected"), [
-    ("debug=fast --config-dir own mapper=[hm] name=a", "debug=fast mapper=[hm] name=a --config-dir own"),
+    ("", ""), ("debug=fast --config-dir own mapper=[hm] name=a", "debug=fast mapper=[hm] name=a --config-dir own"),
     ("a=1 -m b=2", "a=1 b=2 -m"), ("--cfg job a=1 -p trainer", "a=1 --cfg job -p trainer"), ("-cd -m a=1", "a=1 -cd -m"),
     ("a=1 --info defaults b=2", "a=1 b=2 --info defaults"), ("--info a=1", "a=1 --info"), ("--cfg=job ~x +y=2", "~x +y=2 --cfg=job"),
 ])  # fmt: skip
@@ -36,6 +36,7 @@ def test_a_file_of_a_linked_folder_is_seen_too(tmp_path):
     (tmp_path / "own/experiment").symlink_to(tmp_path / "there")
     with pytest.raises(InputError, match="--config-dir: .*own/experiment/real_2d.yaml: hilbertvae has its own experiment/real_2d.yaml"):
         refuse_shadowed(["-cd", str(tmp_path / "own")])
+    refuse_shadowed([])  # as `make run` has it
     refuse_shadowed([f"--config-dir={CONF}", "a=1"])  # the package's own folder
     refuse_shadowed(["--config-dir", str(tmp_path / "nowhere")])  # which Hydra tells
 

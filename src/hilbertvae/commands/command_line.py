@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import pairwise
 from pathlib import Path
 
 from hilbertvae.checks import InputError
@@ -18,7 +19,7 @@ ABOUT = ("all", "config", "defaults", "defaults-tree", "plugins", "searchpath")
 def options_last(words: list[str]) -> list[str]:
     """The same words with Hydra's options behind the settings: argparse calls settings on both sides of one unrecognised."""
     options, settings, is_value = [], [], False
-    for word, following in zip(words, [*words[1:], ""], strict=True):
+    for word, following in pairwise([*words, ""]):
         (options if is_value or word.startswith("-") else settings).append(word)
         is_value = not is_value and (word in WITH_VALUE or (word in INFO and following in ABOUT))
     return [*settings, *options]
@@ -27,7 +28,7 @@ def options_last(words: list[str]) -> list[str]:
 def refuse_shadowed(words: list[str]) -> None:
     """An `InputError` for a file in a folder of `--config-dir` that is called as one of the package's: whichever counted, and Hydra takes
     its own of experiments and the user's of sweeps, the other would be meant as often."""
-    for word, following in zip(words, [*words[1:], ""], strict=True):
+    for word, following in pairwise([*words, ""]):
         option, _, value = word.partition("=")
         if option not in ("--config-dir", "-cd"):
             continue
