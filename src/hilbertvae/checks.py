@@ -149,6 +149,14 @@ def extra_module(extra: str, module: str, needs: str = "this needs") -> ModuleTy
         raise InputError(f"{needs} the extra '{extra}', and {missing}") from error
 
 
+def check_readable(path: Path) -> None:
+    """An `InputError` for a file that may not be read, of which safetensors says that it is not there."""
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror})") from error
+
+
 def check_writable(output: Path, key: str = "output") -> None:
     """An `InputError`, which names `key`, where no folder can be made or written, before any work is done for it."""
     if output.is_symlink() and not output.exists():

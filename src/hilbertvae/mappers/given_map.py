@@ -7,6 +7,7 @@ import os
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from hilbertvae.cloud import Cloud
@@ -81,11 +82,7 @@ def warn_of_moved_walls(path: str | os.PathLike, given: GivenMap, resolution_m: 
 
 def _octree(path: str | os.PathLike) -> GivenMap:
     mapper = read_octree(path)
-
-    def cloud(resolution_m: float) -> Cloud:
-        return octree_cloud(mapper, resolution_m)
-
-    return GivenMap(len(mapper.shift_), mapper.resolution_, cloud, (Path(path),))
+    return GivenMap(len(mapper.shift_), mapper.resolution_, partial(octree_cloud, mapper), (Path(path),))
 
 
 def _ros_map(path: str | os.PathLike) -> GivenMap:

@@ -13,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 from sklearn.utils.validation import check_is_fitted
 
-from hilbertvae.checks import InputError, check_positive
+from hilbertvae.checks import InputError, check_positive, check_readable
 from hilbertvae.files import atomic, copy_file, file_sha256
 from hilbertvae.grids.cluster_grids import GridSettings
 from hilbertvae.grids.frame import Frames
@@ -121,10 +121,7 @@ def load_map(path: str | os.PathLike, checkpoint: str | os.PathLike | None = Non
         raise InputError(f"checkpoint: expected a model.safetensors, or one of {', '.join(SHIPPED)}, got {checkpoint}, which is not there")
     if path.suffix.lower() in OCTREES:
         return read_octree(path)
-    try:
-        path.open("rb").close()  # of a file that may not be read safetensors says that it is not there
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror})") from error
+    check_readable(path)
     try:
         with safe_open(path, framework="np") as file:
             metadata = file.metadata() or {}

@@ -16,7 +16,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import nn
 
-from hilbertvae.checks import InputError, check_cell_m, check_finite
+from hilbertvae.checks import InputError, check_cell_m, check_finite, check_readable
 from hilbertvae.cloud import READINGS
 from hilbertvae.files import atomic
 from hilbertvae.grids.cluster_grids import GridSettings, labels_of
@@ -164,10 +164,7 @@ class Reconstructor:
         path = checkpoint_path(path)
         if not path.is_file():
             raise InputError(f"{path}: no such checkpoint; expected a model.safetensors, or one of {', '.join(SHIPPED)}")
-        try:
-            path.open("rb").close()  # of a file that may not be read safetensors says that it is not there
-        except OSError as error:
-            raise InputError(f"{path}: can't be read ({error.strerror})") from error
+        check_readable(path)
         try:
             with safe_open(path, framework="pt") as file:
                 metadata = file.metadata() or {}

@@ -34,8 +34,8 @@ def read_velodyne(path: str | os.PathLike) -> FilePoints:
     """The returns of one scan, metres, sensor frame; the file has no origin.
 
     A name that ends in `.pcd.bin` has five numbers a return (20 bytes), as nuScenes writes them; any other four (16 bytes). Raises
-    `InputError` unless the file is whole returns, where four are expected and the file plainly has another number, and for what is plainly
-    float64, or stored coordinate by coordinate.
+    `InputError` unless the file is whole returns, where four are expected and the file plainly has another number, where five are and the
+    last are no rings, and for what is plainly float64, or stored coordinate by coordinate.
     """
     path = Path(path)
     with reading(path, "a KITTI scan (.bin)"):
